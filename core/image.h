@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// Images in memory and on disk. OpenImageIO stays inside image.cpp.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+namespace nerfvdb {
+
+/// Float image, rows from the top, channels interleaved: pixels[(y * width + x) * channels + c].
+/// Colour values are sRGB-encoded in [0, 1] unless a name says linear.
+struct Image {
+    int width = 0, height = 0, channels = 0;
+    std::vector<float> pixels;
+
+    Image() = default;
+    Image(int width, int height, int channels)
+        : width(width), height(height), channels(channels),
+          pixels(static_cast<std::size_t>(width) * height * channels, 0.0f) {}
+    float* at(int x, int y) { return &pixels[(static_cast<std::size_t>(y) * width + x) * channels]; }
+    const float* at(int x, int y) const {
+        return &pixels[(static_cast<std::size_t>(y) * width + x) * channels];
+    }
+};
+
+/// One photograph as training keeps it: 8-bit sRGB with straight (unassociated) alpha, 4 bytes a pixel.
+struct Photo {
+    int width = 0, height = 0;
+    bool has_alpha = false;                          // false: every alpha is 255
+    std::vector<std::array<std::uint8_t, 4>> pixels;  // rows from the top
+};
+
+/// Reads PNG, JPEG or EXR (whatever OpenImageIO knows). Straight alpha; EXR is encoded to sRGB, clamped to [0, 1].
+/// Throws IoError when the file cannot be opened, DataError when it cannot be decoded to the end
+/// (a truncated file is an error, never a half-black picture) or holds non-finite values.
+Photo readPhoto(const std::filesystem::path& path);
+
+/// Width and height from the header alone. Throws as readPhoto.
+std::array<int, 2> readImageSize(const std::filesystem::path& path);
+
+/// Reads every channel as float without any conversion (EXR stays linear, PNG becomes [0, 1]).
+Image readImage(const std::filesystem::path& path);
+
+/// Writes by extension: .png and .jpg clamp to [0, 1] and round to 8 bits; .exr keeps floats as they are.
+/// 1, 3 or 4 channels. Writes to a temporary beside the target and renames. Throws IoError.
+void writeImage(const std::filesystem::path& path, const Image& image);
+
+/// sRGB transfer function (IEC 61966-2-1) and its inverse, on [0, inf).
+float srgbFromLinear(float linear);
+float linearFromSrgb(float srgb);
+
+}  // namespace nerfvdb

@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// Posed photographs in memory, as every trainer and evaluation sees them; which format they came from is
+// forgotten here. Readers: read_transforms.h.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/image.h"
+#include "core/report.h"
+
+namespace nerfvdb {
+
+/// One frame: where it was taken and what it shows. `photo` is empty until loadPhotos.
+struct View {
+    Camera camera;
+    std::filesystem::path path;
+    Photo photo;
+};
+
+enum class Split { train, val, test };
+
+/// The frames of one split, in the order of the protocol: split files keep the JSON's order, a single file's
+/// frames are sorted by file name and every 8th (0, 8, 16, ...) is held out as test (and val).
+struct Dataset {
+    std::filesystem::path root;           // as the user named it
+    std::vector<View> views;
+    bool has_alpha = false;               // any photo or source says so
+    std::optional<double> aabb_scale;     // as in the file (instant-ngp); see sceneBoxFromAabbScale
+    std::vector<std::string> warnings;    // for a person, also sent to the Report
+};
+
+struct DatasetOptions {
+    bool strict = false;      // a frame whose image is absent is an error, not a warning
+    bool load_photos = true;  // false: cameras only (info, render)
+};
+
+/// Reads a split of a data set: a folder with transforms_{train,val,test}.json (NeRF-synthetic), a folder with
+/// transforms.json, or such a JSON file itself. An absent val split falls back to test, with a warning.
+/// Throws DataError / IoError naming file and field.
+Dataset readDataset(const std::filesystem::path& path, Split split, const DatasetOptions& options, Report& report);
+
+/// instant-ngp's box: its unit cube is 1 / 0.33 world units wide and aabb_scale multiplies it, centred at 0.
+Box sceneBoxFromAabbScale(double aabb_scale);
+
+}  // namespace nerfvdb

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// How a scene learns: coarse to fine, stage by stage, step by step.
+#pragma once
+
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/report.h"
+#include "trainer/dataset.h"
+#include "vdb/model.h"
+
+namespace nerfvdb {
+
+enum class Preset { fast, standard, best };
+enum class BackgroundMode { automatic, white, black, random };
+
+struct TrainOptions {
+    Preset preset = Preset::standard;
+    std::optional<double> time_s;               // wall time from process start to file on disk
+    std::vector<std::int64_t> steps;            // total number of steps (one entry) or steps per stage (all entries)
+    BackgroundMode background = BackgroundMode::automatic;
+    std::optional<Box> bounds;                  // world units
+    std::optional<std::size_t> max_memory_bytes;
+    std::uint64_t seed = 1;
+    double elapsed_s = 0;                       // wall time the process had spent when training began
+};
+
+/// What one interval of training looked like; the CSV log has one line of each.
+struct TrainProgress {
+    std::int64_t step = 0, total_steps = 0;
+    int stage = 0;
+    double loss = 0;             // mean squared error of the interval
+    double psnr = 0;             // of that loss, dB
+    std::uint64_t rays = 0;      // drawn so far
+    std::size_t voxels = 0;      // active
+    double seconds = 0;          // since training began
+};
+
+struct TrainResult {
+    Model model;
+    std::int64_t steps = 0;      // done
+    bool interrupted = false;    // stopped early on request: the model is whole, but less trained
+    std::size_t active_voxels = 0;
+    std::vector<std::string> notes;  // facts for the user: plan, memory limit reached, ...
+};
+
+/// Trains on a data set; tells `report` how it goes and calls `on_interval` a few times a minute.
+/// With `checkpoint`, state is loaded from there when `resume`, and saved there at intervals and at the end.
+/// Throws DataError (nothing to learn from) or NumericError.
+TrainResult train(const Dataset& dataset, const TrainOptions& options, Report& report,
+                  const std::function<void(const TrainProgress&)>& on_interval,
+                  const std::filesystem::path& checkpoint = {}, bool resume = false);
+
+}  // namespace nerfvdb

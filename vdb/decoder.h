@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: Apache-2.0
+// From what a ray gathered to a colour, once per ray ("deferred decoding"):
+//   rgb = sigmoid(F[0..2] + MLP(F, Y(direction)))        F = sum_i w_i f_i,  Y = spherical harmonics, degree < 4
+//   C   = A rgb + (1 - A) background                      A = sum_i w_i
+// A part that can be exchanged: nothing else knows how features become colour.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/mlp.h"
+#include "core/types.h"
+
+namespace nerfvdb {
+
+class Decoder {
+public:
+    Decoder() = default;
+    /// `channels` features per voxel, at least 3; the first three are the base colour before the sigmoid.
+    Decoder(int channels, std::uint64_t seed);
+
+    int channels() const { return channels_; }
+    const MlpShape& shape() const { return shape_; }
+    std::span<float> parameters() { return parameters_; }
+    std::span<const float> parameters() const { return parameters_; }
+
+    /// Working memory of one batch; one per thread.
+    struct Workspace {
+        MlpActivations activations, gradients;
+        std::vector<float> rgb;  // [3][stride]
+    };
+
+    /// Shapes: features [n][channels], direction [n][3] (unit, world, the way light is looked along)
+    ///         -> rgb [n][3] in (0, 1), sRGB values. Kept in the workspace for backward.
+    void forward(int n, const float* features, const float* direction, float* rgb, Workspace& work) const;
+
+    /// dl_drgb [n][3] -> dl_dfeatures [n][channels] (overwritten), dl_dparameters (added to).
+    void backward(int n, const float* dl_drgb, float* dl_dfeatures, std::span<float> dl_dparameters,
+                  Workspace& work) const;
+
+    /// Colour without view-dependence: rgb of forward averaged over directions spread evenly on the sphere.
+    /// features [n][channels] -> rgb [n][3], sRGB values. What plain renderers and meshes get.
+    void diffuse(int n, const float* features, float* rgb) const;
+
+private:
+    int channels_ = 0;
+    MlpShape shape_;
+    std::vector<float> parameters_;
+};
+
+}  // namespace nerfvdb

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// A trained scene: everything that rendering, export and meshing need, and nothing that only training needs.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "core/types.h"
+#include "vdb/decoder.h"
+#include "vdb/voxel_field.h"
+
+namespace nerfvdb {
+
+/// What a model says of its own making; no clock, path or thread count, so that equal training gives equal files.
+struct ModelInfo {
+    std::string schedule;       // steps per stage, such as "120,300,900,2400": replays the run with --steps
+    std::uint64_t seed = 0;
+    std::string preset;
+    double train_psnr = 0;      // running mean at the end, dB
+};
+
+struct Model {
+    VoxelField field;
+    Decoder decoder;
+    Vec3f background = Vec3f::Ones();  // sRGB values behind the scene
+    ModelInfo info;
+};
+
+}  // namespace nerfvdb

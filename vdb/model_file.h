@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+// model.vdb: a standard .vdb file that other programs open (float grid "density", fog volume, 1 / world unit),
+// in which the learned values travel exactly: compact features, raw densities, network weights.
+// Layout and version: see model_file.cpp.
+#pragma once
+
+#include <filesystem>
+
+#include "vdb/model.h"
+
+namespace nerfvdb {
+
+/// What saving rounds: learned values to the precision that the file keeps. saveModel(loadModel(p)) repeats the
+/// file byte for byte.
+void saveModel(const Model& model, const std::filesystem::path& path);
+
+/// Throws IoError / DataError: not a .vdb, a .vdb that is not a model, a damaged or truncated model (its
+/// checksum is verified before anything is parsed), a version that this program does not know.
+Model loadModel(const std::filesystem::path& path);
+
+/// True if the file begins as a .vdb does. Throws IoError when it cannot be read.
+bool isVdbFile(const std::filesystem::path& path);
+
+}  // namespace nerfvdb
