@@ -1,0 +1,49 @@
+// SPDX-License-Identifier: Apache-2.0
+// Included by kernels.h, once per namespace.
+
+/// Walks the rays named in `alive` to their next occupied cells. Each ray gets at least `max_per_ray` samples
+/// unless it ends before (then next = -1), and at most kPadding - 1 more. Samples of alive[a] are
+/// [begin[a], begin[a + 1]) in order along the ray. Empty leaves are jumped by the distance in skip_table, empty
+/// cells are tested by bit. Returns the number of samples; `out` must hold n_alive * (max_per_ray + kPadding).
+int marchRays(const Bricks& bricks, const RayTile& rays, float step, int max_per_ray,
+              const std::int32_t* alive, int n_alive, std::int32_t* begin, const SampleArrays& out);
+
+/// Trilinear raw density and what it does to light over one sample:
+///   tau = exp(min(raw, max_raw)) * tau_scale,  alpha = 1 - exp(-tau) (by expm1),  decay = exp(-tau)
+/// d tau / d raw = tau everywhere (the clamp keeps its slope). Sets the padding of samples.leaf and .cell to 0.
+void densityForward(const Bricks& bricks, int n, const SampleArrays& samples, float max_raw, float tau_scale,
+                    float* raw, float* tau, float* alpha, float* decay);
+
+/// f_i = trilinear features of sample i; F[ray_i] += weight_i f_i.
+/// Shapes: features [n][channels], ray_features [rays][channels]. Sets the padding as densityForward.
+void featuresForward(const Bricks& bricks, int n, const SampleArrays& samples, const std::int32_t* ray,
+                     const float* weight, float* features, float* ray_features);
+
+/// out[i] = dot(features[i], ray_features[ray[i]]), both rows of `channels` floats.
+void rowDots(int n, int channels, const float* features, const std::int32_t* ray, const float* ray_features,
+             float* out);
+
+/// Adjoint of the trilinear reads, for one leaf: adds every contribution to the corners that lie in the leaf.
+///   density gradient += corner_weight * dl_draw,  feature gradient += corner_weight * weight * dl_dfeatures
+void accumulateLeaf(int n, const LeafContribution* contributions, int channels, const LeafGradient& gradient);
+
+/// RMSprop on the touched voxels of one leaf, one second moment per voxel for all its features:
+///   m = decay m + (1 - decay) mean(g^2),  p -= rate g / (sqrt(m) + epsilon)
+/// Source: Tieleman and Hinton 2012, lecture 6.5; lazy: untouched voxels keep their moments. Clears the gradient.
+/// Shapes: density, density_moment, feature_moment [512], features [512][channels].
+void rmsPropLeaf(int channels, const RmsPropRates& rates, const LeafGradient& gradient, float* density,
+                 float* density_moment, float* features, float* feature_moment);
+
+/// out[o][b] = bias[o] + sum_i weights[o][i] in[i][b], through ReLU if asked. Rows are `stride` floats apart;
+/// b runs to n rounded up to kPadding.
+void layerForward(int n, int stride, int n_in, int n_out, const float* weights, const float* bias, bool relu,
+                  const float* in, float* out);
+
+/// dl_din[i][b] = sum_o weights[o][i] dl_dout[o][b]; where `relu_of` is given, zero where relu_of[i][b] <= 0.
+void layerBackwardInput(int n, int stride, int n_in, int n_out, const float* weights, const float* dl_dout,
+                        const float* relu_of, float* dl_din);
+
+/// dl_dweights[o][i] += sum_b dl_dout[o][b] in[i][b];  dl_dbias[o] += sum_b dl_dout[o][b].
+/// dl_dout must be zero from n up to the next multiple of kPadding.
+void layerBackwardWeights(int n, int stride, int n_in, int n_out, const float* dl_dout, const float* in,
+                          float* dl_dweights, float* dl_dbias);

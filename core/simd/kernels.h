@@ -1,0 +1,81 @@
+// SPDX-License-Identifier: Apache-2.0
+// The inner loops, on plain pointers and counts. Each exists twice with the same signature: in `simd`, portable
+// vectors through Highway, dispatched at run time to what the machine has; and in `reference`, scalar, obvious,
+// the documentation and the judge of the other. Nothing here allocates, throws, or knows of trees or files.
+//
+// Arrays: every array must be readable and writable 16 elements past its count (padding, contents undefined).
+// Accuracy: `simd` agrees with `reference` within 1e-5 relative to the sum of the magnitudes of the terms of a
+// sum (its order differs between targets); integers agree exactly, but for points within rounding of a cell's face.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace nerfvdb {
+
+inline constexpr int kPadding = 16;  // elements; one 512-bit vector of floats
+
+/// Sparse bricks of 8^3 values as plain arrays; see vdb/topology.h for the words.
+struct Bricks {
+    const std::int32_t* skip_table = nullptr;  // [x][y][z] by leaf: leaf number if it has occupied cells, else -d:
+                                               // every leaf nearer than d in each axis is empty too (d >= 1)
+    std::int32_t table_dims[3] = {0, 0, 0};    // leaves per axis
+    const std::int32_t* upper_neighbours = nullptr;  // [leaf][8]
+    const std::uint64_t* occupied = nullptr;         // [leaf][8] bits of occupied cells
+    const float* density = nullptr;                  // [leaf][512] raw
+    const float* features = nullptr;                 // [leaf][512][channels]
+    int channels = 0;                                // 4, 8 or 16
+};
+
+/// Rays in index space, [n] each; sample k of a ray lies at distance offset + k * step from its origin.
+struct RayTile {
+    int n = 0;
+    float *ox = nullptr, *oy = nullptr, *oz = nullptr;  // origin: where the ray enters the box
+    float *dx = nullptr, *dy = nullptr, *dz = nullptr;  // unit direction
+    float* length = nullptr;                            // distance from origin to where it leaves the box
+    float* offset = nullptr;                            // of the first sample, in [0, step)
+    std::int32_t* next = nullptr;                       // next sample to look at; -1: the ray is finished
+};
+
+/// Points on rays, structure of arrays, [n] each.
+struct SampleArrays {
+    std::int32_t* leaf = nullptr;    // leaf number
+    std::int32_t* cell = nullptr;    // offset of the cell in its leaf, x * 64 + y * 8 + z
+    float *x = nullptr, *y = nullptr, *z = nullptr;  // position inside the cell, [0, 1]
+    float* t = nullptr;              // distance from the ray's origin, voxels
+};
+
+/// What one kept sample leaves in one leaf; coordinates of its cell relative to the leaf, -1..7 per axis
+/// (-1: the cell belongs to a lower neighbour and only its upper corners lie here).
+struct LeafContribution {
+    std::int32_t x, y, z;
+    float fx, fy, fz;                // position inside the cell
+    float weight;                    // of the sample along its ray
+    float dl_draw;                   // gradient of the interpolated raw density
+    const float* dl_dfeatures;       // [channels] of the sample's ray
+};
+
+/// Gradients of one leaf, gathered before its voxels are updated.
+struct LeafGradient {
+    float* density;                  // [512]
+    float* features;                 // [512][channels]
+    std::uint64_t* touched;          // [8] bits of voxels that received something
+};
+
+struct RmsPropRates {
+    float density_rate, feature_rate;
+    float decay;                     // of the second moments
+    float epsilon;
+};
+
+namespace simd {
+#include "core/simd/kernel_declarations.inl"
+/// Name of the instruction set in use, such as "AVX3".
+const char* activeTarget();
+}  // namespace simd
+
+namespace reference {
+#include "core/simd/kernel_declarations.inl"
+}  // namespace reference
+
+}  // namespace nerfvdb

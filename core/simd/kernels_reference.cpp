@@ -1,0 +1,187 @@
+// SPDX-License-Identifier: Apache-2.0
+// The scalar truth of kernels.h.
+#include <algorithm>
+#include <cmath>
+
+#include "core/simd/kernels.h"
+
+namespace nerfvdb::reference {
+namespace {
+
+/// Value number of a cell's corner (0..7: bits x, y, z) in a pool of bricks.
+std::size_t cornerIndex(const Bricks& bricks, std::int32_t leaf, std::int32_t cell, int corner) {
+    const int x = (cell >> 6) + (corner >> 2 & 1);
+    const int y = (cell >> 3 & 7) + (corner >> 1 & 1);
+    const int z = (cell & 7) + (corner & 1);
+    const int crossed = (x >> 3) * 4 + (y >> 3) * 2 + (z >> 3);
+    const std::size_t owner = static_cast<std::size_t>(bricks.upper_neighbours[leaf * std::size_t{8} + crossed]);
+    return owner * 512 + static_cast<std::size_t>((x & 7) * 64 + (y & 7) * 8 + (z & 7));
+}
+
+float cornerWeight(float fx, float fy, float fz, int corner) {
+    return (corner & 4 ? fx : 1 - fx) * (corner & 2 ? fy : 1 - fy) * (corner & 1 ? fz : 1 - fz);
+}
+
+}  // namespace
+
+int marchRays(const Bricks& bricks, const RayTile& rays, float step, int max_per_ray, const std::int32_t* alive,
+              int n_alive, std::int32_t* begin, const SampleArrays& out) {
+    int n = 0;
+    for (int a = 0; a < n_alive; ++a) {
+        begin[a] = n;
+        const int r = alive[a];
+        std::int32_t k = rays.next[r];
+        for (; k >= 0 && n - begin[a] < max_per_ray; ++k) {
+            const float t = std::fma(static_cast<float>(k), step, rays.offset[r]);
+            if (!(t < rays.length[r])) {
+                k = -1;
+                break;
+            }
+            const float p[3] = {std::fma(rays.dx[r], t, rays.ox[r]), std::fma(rays.dy[r], t, rays.oy[r]),
+                                std::fma(rays.dz[r], t, rays.oz[r])};
+            int leaf_coord[3], cell[3];
+            float fraction[3];
+            for (int axis = 0; axis < 3; ++axis) {
+                leaf_coord[axis] = std::clamp(static_cast<int>(p[axis]) >> 3, 0, bricks.table_dims[axis] - 1);
+                const float local = p[axis] - static_cast<float>(leaf_coord[axis] * 8);
+                cell[axis] = std::clamp(static_cast<int>(local), 0, 7);
+                fraction[axis] = std::clamp(local - static_cast<float>(cell[axis]), 0.0f, 1.0f);
+            }
+            const std::int32_t leaf = bricks.skip_table[(static_cast<std::size_t>(leaf_coord[0]) * bricks.table_dims[1] +
+                                                         leaf_coord[1]) * bricks.table_dims[2] + leaf_coord[2]];
+            if (leaf < 0) continue;
+            const int bit = cell[1] * 8 + cell[2];
+            if (!(bricks.occupied[leaf * std::size_t{8} + cell[0]] >> bit & 1)) continue;
+            out.leaf[n] = leaf;
+            out.cell[n] = cell[0] * 64 + bit;
+            out.x[n] = fraction[0];
+            out.y[n] = fraction[1];
+            out.z[n] = fraction[2];
+            out.t[n] = t;
+            ++n;
+        }
+        rays.next[r] = k;
+    }
+    begin[n_alive] = n;
+    return n;
+}
+
+void densityForward(const Bricks& bricks, int n, const SampleArrays& samples, float max_raw, float tau_scale,
+                    float* raw, float* tau, float* alpha, float* decay) {
+    for (int i = n; i < n + kPadding; ++i) samples.leaf[i] = samples.cell[i] = 0;
+    for (int i = 0; i < n; ++i) {
+        float sum = 0;
+        for (int corner = 0; corner < 8; ++corner)
+            sum += cornerWeight(samples.x[i], samples.y[i], samples.z[i], corner) *
+                   bricks.density[cornerIndex(bricks, samples.leaf[i], samples.cell[i], corner)];
+        raw[i] = sum;
+        tau[i] = std::exp(std::min(sum, max_raw)) * tau_scale;
+        alpha[i] = -std::expm1(-tau[i]);
+        decay[i] = std::exp(-tau[i]);
+    }
+}
+
+void featuresForward(const Bricks& bricks, int n, const SampleArrays& samples, const std::int32_t* ray,
+                     const float* weight, float* features, float* ray_features) {
+    const int channels = bricks.channels;
+    for (int i = n; i < n + kPadding; ++i) samples.leaf[i] = samples.cell[i] = 0;
+    for (int i = 0; i < n; ++i)
+        for (int c = 0; c < channels; ++c) {
+            float sum = 0;
+            for (int corner = 0; corner < 8; ++corner)
+                sum += cornerWeight(samples.x[i], samples.y[i], samples.z[i], corner) *
+                       bricks.features[cornerIndex(bricks, samples.leaf[i], samples.cell[i], corner) * channels + c];
+            features[static_cast<std::size_t>(i) * channels + c] = sum;
+            ray_features[static_cast<std::size_t>(ray[i]) * channels + c] += weight[i] * sum;
+        }
+}
+
+void rowDots(int n, int channels, const float* features, const std::int32_t* ray, const float* ray_features,
+             float* out) {
+    for (int i = 0; i < n; ++i) {
+        float sum = 0;
+        for (int c = 0; c < channels; ++c)
+            sum += features[static_cast<std::size_t>(i) * channels + c] *
+                   ray_features[static_cast<std::size_t>(ray[i]) * channels + c];
+        out[i] = sum;
+    }
+}
+
+void accumulateLeaf(int n, const LeafContribution* contributions, int channels, const LeafGradient& gradient) {
+    for (int i = 0; i < n; ++i) {
+        const LeafContribution& sample = contributions[i];
+        for (int corner = 0; corner < 8; ++corner) {
+            const int x = sample.x + (corner >> 2 & 1), y = sample.y + (corner >> 1 & 1), z = sample.z + (corner & 1);
+            if (x < 0 || x > 7 || y < 0 || y > 7 || z < 0 || z > 7) continue;
+            const int voxel = x * 64 + y * 8 + z;
+            const float corner_weight = cornerWeight(sample.fx, sample.fy, sample.fz, corner);
+            gradient.density[voxel] += corner_weight * sample.dl_draw;
+            for (int c = 0; c < channels; ++c)
+                gradient.features[voxel * channels + c] += corner_weight * sample.weight * sample.dl_dfeatures[c];
+            gradient.touched[x] |= std::uint64_t{1} << (y * 8 + z);
+        }
+    }
+}
+
+void rmsPropLeaf(int channels, const RmsPropRates& rates, const LeafGradient& gradient, float* density,
+                 float* density_moment, float* features, float* feature_moment) {
+    for (int voxel = 0; voxel < 512; ++voxel) {
+        if (!(gradient.touched[voxel >> 6] >> (voxel & 63) & 1)) continue;
+        const float g = gradient.density[voxel];
+        density_moment[voxel] = rates.decay * density_moment[voxel] + (1 - rates.decay) * g * g;
+        density[voxel] -= rates.density_rate * g / (std::sqrt(density_moment[voxel]) + rates.epsilon);
+        gradient.density[voxel] = 0;
+
+        float squares = 0;
+        for (int c = 0; c < channels; ++c) {
+            const float gf = gradient.features[voxel * channels + c];
+            squares += gf * gf;
+        }
+        feature_moment[voxel] =
+            rates.decay * feature_moment[voxel] + (1 - rates.decay) * squares / static_cast<float>(channels);
+        const float scale = rates.feature_rate / (std::sqrt(feature_moment[voxel]) + rates.epsilon);
+        for (int c = 0; c < channels; ++c) {
+            features[voxel * channels + c] -= scale * gradient.features[voxel * channels + c];
+            gradient.features[voxel * channels + c] = 0;
+        }
+    }
+    for (int word = 0; word < 8; ++word) gradient.touched[word] = 0;
+}
+
+void layerForward(int n, int stride, int n_in, int n_out, const float* weights, const float* bias, bool relu,
+                  const float* in, float* out) {
+    const int padded = (n + kPadding - 1) / kPadding * kPadding;
+    for (int o = 0; o < n_out; ++o)
+        for (int b = 0; b < padded; ++b) {
+            float sum = bias[o];
+            for (int i = 0; i < n_in; ++i) sum += weights[o * n_in + i] * in[i * stride + b];
+            out[o * stride + b] = relu ? std::max(sum, 0.0f) : sum;
+        }
+}
+
+void layerBackwardInput(int n, int stride, int n_in, int n_out, const float* weights, const float* dl_dout,
+                        const float* relu_of, float* dl_din) {
+    const int padded = (n + kPadding - 1) / kPadding * kPadding;
+    for (int i = 0; i < n_in; ++i)
+        for (int b = 0; b < padded; ++b) {
+            float sum = 0;
+            for (int o = 0; o < n_out; ++o) sum += weights[o * n_in + i] * dl_dout[o * stride + b];
+            dl_din[i * stride + b] = relu_of && !(relu_of[i * stride + b] > 0) ? 0.0f : sum;
+        }
+}
+
+void layerBackwardWeights(int n, int stride, int n_in, int n_out, const float* dl_dout, const float* in,
+                          float* dl_dweights, float* dl_dbias) {
+    for (int o = 0; o < n_out; ++o) {
+        for (int i = 0; i < n_in; ++i) {
+            float sum = 0;
+            for (int b = 0; b < n; ++b) sum += dl_dout[o * stride + b] * in[i * stride + b];
+            dl_dweights[o * n_in + i] += sum;
+        }
+        float sum = 0;
+        for (int b = 0; b < n; ++b) sum += dl_dout[o * stride + b];
+        dl_dbias[o] += sum;
+    }
+}
+
+}  // namespace nerfvdb::reference
