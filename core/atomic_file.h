@@ -2,19 +2,25 @@
 // Files that are either the old version or the new one, never half of one.
 #pragma once
 
-#include <cstdint>
+#include <cstddef>
 #include <filesystem>
 #include <functional>
 #include <span>
 #include <string>
+#include <string_view>
 
 namespace nerfvdb {
 
 /// Calls write(temporary_path), flushes the file to disk (fsync), then renames it to `path`.
+/// The temporary lies beside `path` and has its extension, so that writers may go by the name.
 /// On any failure (an exception, a full disk, a folder that cannot be written, `path` being a directory) the
-/// temporary is removed, what stood at `path` is untouched, and IoError says what to do.
+/// temporary is removed, what stood at `path` is untouched, and IoError says what to do. An Error that `write`
+/// throws passes through as it is.
 void writeAtomically(const std::filesystem::path& path,
                      const std::function<void(const std::filesystem::path& temporary)>& write);
+
+/// The same for content that is already in memory.
+void writeAtomically(const std::filesystem::path& path, std::string_view bytes);
 
 /// Whole file as bytes. Throws IoError.
 std::string readFile(const std::filesystem::path& path);

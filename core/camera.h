@@ -38,7 +38,8 @@ struct Camera {
 /// The ray through pixel coordinates (px, py), lens distortion undone by Newton's method.
 Ray cameraRay(const Camera& camera, double px, double py);
 
-/// Pixel coordinates of a world point, or nothing when it is not in front of the camera.
+/// Pixel coordinates of a world point, or nothing when it is not in front of the camera, or so far off the axis
+/// that the lens model folds back (it would land among pixels that never saw it).
 /// The pixel may lie outside the image.
 std::optional<Vec2d> projectPoint(const Camera& camera, const Vec3d& point_in_world);
 
@@ -50,6 +51,7 @@ std::string cameraProblem(const Camera& camera);
 Camera resized(const Camera& camera, int width, int height);
 
 /// A camera at `eye` that looks at `target`, with a vertical field of view in radians.
+/// Throws UsageError when eye and target coincide or the field of view is not in (0, pi).
 Camera lookAt(const Vec3d& eye, const Vec3d& target, const Vec3d& up, double fov_y_rad, int width, int height);
 
 }  // namespace nerfvdb

@@ -16,9 +16,8 @@ struct Image {
     std::vector<float> pixels;
 
     Image() = default;
-    Image(int width, int height, int channels)
-        : width(width), height(height), channels(channels),
-          pixels(static_cast<std::size_t>(width) * height * channels, 0.0f) {}
+    Image(int w, int h, int c)
+        : width(w), height(h), channels(c), pixels(static_cast<std::size_t>(w) * h * c, 0.0f) {}
     float* at(int x, int y) { return &pixels[(static_cast<std::size_t>(y) * width + x) * channels]; }
     const float* at(int x, int y) const {
         return &pixels[(static_cast<std::size_t>(y) * width + x) * channels];
@@ -35,6 +34,7 @@ struct Photo {
 /// Reads PNG, JPEG or EXR (whatever OpenImageIO knows). Straight alpha; EXR is encoded to sRGB, clamped to [0, 1].
 /// Throws IoError when the file cannot be opened, DataError when it cannot be decoded to the end
 /// (a truncated file is an error, never a half-black picture) or holds non-finite values.
+/// Grey becomes three equal colours, 16 bits are rounded to 8. Orientation tags are not applied.
 Photo readPhoto(const std::filesystem::path& path);
 
 /// Width and height from the header alone. Throws as readPhoto.
@@ -44,7 +44,8 @@ std::array<int, 2> readImageSize(const std::filesystem::path& path);
 Image readImage(const std::filesystem::path& path);
 
 /// Writes by extension: .png and .jpg clamp to [0, 1] and round to 8 bits; .exr keeps floats as they are.
-/// 1, 3 or 4 channels. Writes to a temporary beside the target and renames. Throws IoError.
+/// 1, 3 or 4 channels (no alpha in .jpg). Writes to a temporary beside the target and renames.
+/// Throws IoError; UsageError for another extension or number of channels; NumericError for NaN in 8 bits.
 void writeImage(const std::filesystem::path& path, const Image& image);
 
 /// sRGB transfer function (IEC 61966-2-1) and its inverse, on [0, inf).
