@@ -1,0 +1,35 @@
+// SPDX-License-Identifier: Apache-2.0
+// Optimiser of small dense parameter sets (the network). Voxels have their own, fused with the scatter:
+// rmsPropLeaf in simd/kernels.h.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+namespace nerfvdb {
+
+/// Adam (Kingma and Ba 2015, algorithm 1), with bias correction.
+struct Adam {
+    float beta1 = 0.9f, beta2 = 0.99f, epsilon = 1e-8f;
+    std::vector<float> first, second;  // moments
+    std::int64_t count = 0;            // steps done
+
+    /// parameters -= rate * m / (sqrt(v) + epsilon); all spans of one size.
+    void step(std::span<float> parameters, std::span<const float> gradients, float rate) {
+        first.resize(parameters.size());
+        second.resize(parameters.size());
+        ++count;
+        const double correction1 = 1 - std::pow(static_cast<double>(beta1), static_cast<double>(count));
+        const double correction2 = 1 - std::pow(static_cast<double>(beta2), static_cast<double>(count));
+        const float scale1 = static_cast<float>(1 / correction1), scale2 = static_cast<float>(1 / correction2);
+        for (std::size_t i = 0; i < parameters.size(); ++i) {
+            first[i] = beta1 * first[i] + (1 - beta1) * gradients[i];
+            second[i] = beta2 * second[i] + (1 - beta2) * gradients[i] * gradients[i];
+            parameters[i] -= rate * scale1 * first[i] / (std::sqrt(scale2 * second[i]) + epsilon);
+        }
+    }
+};
+
+}  // namespace nerfvdb

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vdb/ray_tracer.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace nerfvdb {
+namespace {
+
+constexpr int kSamplesPerRound = 8;  // a ray that turns opaque has looked at most this far behind its last sample
+
+}  // namespace
+
+TraceScene::TraceScene(const VoxelField& field, const Occupancy& occupancy)
+    : bricks(bricksOf(field, occupancy)), frame(field.frame()),
+      box_max((field.topology().dims() - Vec3i::Ones()).cast<double>()), density_scale(field.densityScale()) {}
+
+TraceCounters& TraceCounters::operator+=(const TraceCounters& other) {
+    rays += other.rays;
+    rays_skipped += other.rays_skipped;
+    samples_dense += other.samples_dense;
+    samples_density += other.samples_density;
+    samples_features += other.samples_features;
+    return *this;
+}
+
+void KeptSamples::reserve(std::size_t size) {
+    size += kPadding;
+    if (leaf.size() >= size) return;
+    size += size / 2;
+    for (auto* array : {&leaf, &cell, &ray}) array->resize(size);
+    for (auto* array : {&x, &y, &z, &t, &weight, &tau, &transmittance, &dl_draw}) array->resize(size);
+}
+
+RayTracer::RayTracer(int max_rays) {
+    const std::size_t rays = static_cast<std::size_t>(max_rays + kPadding);
+    for (auto* array : {&ox_, &oy_, &oz_, &dx_, &dy_, &dz_, &length_, &offset_, &entry_, &transmittance_, &dropped_,
+                        &suffix_})
+        array->resize(rays);
+    directions_.resize(3 * rays);
+    for (auto* array : {&next_, &alive_, &begin_}) array->resize(rays + 1);
+    const std::size_t samples = rays * (kSamplesPerRound + kPadding) + kPadding;
+    for (auto* array : {&leaf_, &cell_}) array->resize(samples);
+    for (auto* array : {&x_, &y_, &z_, &t_, &raw_, &tau_, &alpha_, &decay_}) array->resize(samples);
+}
+
+void RayTracer::addRay(const TraceScene& scene, const Ray& ray, float step_voxels, float jitter) {
+    const Vec3d origin = scene.frame.indexFromWorld(ray.origin);
+    double t_enter = 0, t_leave = std::numeric_limits<double>::infinity();
+    for (int axis = 0; axis < 3; ++axis) {
+        // A ray along a face divides by zero: the infinities order themselves, and NaN (0 / 0) loses every
+        // comparison below, which leaves the other axes to decide.
+        const double inverse = 1.0 / ray.direction[axis];
+        const double a = (0.0 - origin[axis]) * inverse, b = (scene.box_max[axis] - origin[axis]) * inverse;
+        t_enter = std::max(t_enter, std::min(a, b));
+        t_leave = std::min(t_leave, std::max(a, b));
+    }
+    const int r = n_rays_++;
+    const bool hits = t_leave > t_enter && std::isfinite(t_leave);
+    const Vec3d entry = origin + ray.direction * (hits ? t_enter : 0.0);
+    ox_[r] = static_cast<float>(entry.x()), dx_[r] = static_cast<float>(ray.direction.x());
+    oy_[r] = static_cast<float>(entry.y()), dy_[r] = static_cast<float>(ray.direction.y());
+    oz_[r] = static_cast<float>(entry.z()), dz_[r] = static_cast<float>(ray.direction.z());
+    length_[r] = hits ? static_cast<float>(t_leave - t_enter) : 0.0f;
+    entry_[r] = hits ? static_cast<float>(t_enter) : 0.0f;
+    offset_[r] = jitter * step_voxels;
+    for (int axis = 0; axis < 3; ++axis) directions_[3 * r + axis] = static_cast<float>(ray.direction[axis]);
+    counters_.samples_dense += static_cast<std::uint64_t>(length_[r] / step_voxels);
+}
+
+void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, KeptSamples& kept) {
+    const int channels = scene.bricks.channels;
+    const float tau_scale =
+        static_cast<float>(scene.density_scale * scene.frame.voxel_size * static_cast<double>(options.step_voxels));
+    const RayTile rays{n_rays_, ox_.data(), oy_.data(), oz_.data(), dx_.data(), dy_.data(), dz_.data(),
+                       length_.data(), offset_.data(), next_.data()};
+    const SampleArrays samples{leaf_.data(), cell_.data(), x_.data(), y_.data(), z_.data(), t_.data()};
+
+    kept.n = 0;
+    int n_alive = 0;
+    for (int r = 0; r < n_rays_; ++r) {
+        transmittance_[r] = 1;
+        dropped_[r] = 0;
+        next_[r] = 0;
+        alive_[n_alive++] = r;
+    }
+    counters_.rays += static_cast<std::uint64_t>(n_rays_);
+    for (bool first_round = true; n_alive > 0; first_round = false) {
+        const int n = simd::marchRays(scene.bricks, rays, options.step_voxels, kSamplesPerRound, alive_.data(),
+                                      n_alive, begin_.data(), samples);
+        simd::densityForward(scene.bricks, n, samples, kMaxRaw, tau_scale, raw_.data(), tau_.data(), alpha_.data(),
+                             decay_.data());
+        counters_.samples_density += static_cast<std::uint64_t>(n);
+        kept.reserve(static_cast<std::size_t>(kept.n) + static_cast<std::size_t>(n));
+
+        int n_left = 0, k = kept.n;
+        for (int a = 0; a < n_alive; ++a) {
+            const int r = alive_[a];
+            float transmittance = transmittance_[r], dropped = dropped_[r];
+            for (int i = begin_[a]; i < begin_[a + 1] && transmittance >= options.stop_transmittance; ++i) {
+                const float weight = transmittance * alpha_[i];
+                transmittance *= decay_[i];
+                if (weight < options.min_weight && dropped + weight <= options.max_dropped) {
+                    dropped += weight;
+                    continue;
+                }
+                kept.leaf[k] = leaf_[i], kept.cell[k] = cell_[i], kept.ray[k] = r;
+                kept.x[k] = x_[i], kept.y[k] = y_[i], kept.z[k] = z_[i], kept.t[k] = t_[i];
+                kept.weight[k] = weight, kept.tau[k] = tau_[i], kept.transmittance[k] = transmittance;
+                ++k;
+            }
+            transmittance_[r] = transmittance, dropped_[r] = dropped;
+            counters_.rays_skipped += first_round && begin_[a] == begin_[a + 1];
+            if (next_[r] >= 0 && transmittance >= options.stop_transmittance) alive_[n_left++] = r;
+        }
+        kept.n = k;
+        n_alive = n_left;
+    }
+    counters_.samples_features += static_cast<std::uint64_t>(kept.n);
+
+    const std::size_t n_features = static_cast<std::size_t>(kept.n + kPadding) * channels;
+    if (features_.size() < n_features) features_.resize(n_features + n_features / 2);
+    ray_features_.resize(transmittance_.size() * channels);
+    std::fill_n(ray_features_.begin(), static_cast<std::size_t>(n_rays_) * channels, 0.0f);
+    kept.reserve(static_cast<std::size_t>(kept.n));
+    simd::featuresForward(scene.bricks, kept.n, kept.arrays(), kept.ray.data(), kept.weight.data(), features_.data(),
+                          ray_features_.data());
+}
+
+void RayTracer::traceBackward(const TraceScene& scene, const float* dl_dray_features, const float* dl_dtransmittance,
+                              KeptSamples& kept) {
+    if (slope_.size() < static_cast<std::size_t>(kept.n + kPadding))
+        slope_.resize(static_cast<std::size_t>(kept.n + kPadding) * 3 / 2);
+    simd::rowDots(kept.n, scene.bricks.channels, features_.data(), kept.ray.data(), dl_dray_features, slope_.data());
+    for (int r = 0; r < n_rays_; ++r) suffix_[r] = transmittance_[r] * dl_dtransmittance[r];
+    for (int i = kept.n; i-- > 0;) {
+        const int r = kept.ray[i];
+        kept.dl_draw[i] = kept.tau[i] * (kept.transmittance[i] * slope_[i] - suffix_[r]);
+        suffix_[r] += kept.weight[i] * slope_[i];
+    }
+}
+
+}  // namespace nerfvdb

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+// Light along a tile of rays: march to occupied cells, read density, composite front to back until the ray is
+// opaque, then gather the features of the samples that matter. And all of it backwards.
+//
+//   tau_i = sigma_i dt,  alpha_i = 1 - exp(-tau_i),  T_i = exp(-sum_{j<i} tau_j),  w_i = T_i alpha_i
+//   F = sum_i w_i f_i,  T_end = exp(-sum_i tau_i)
+// Source: Max 1995, "Optical models for direct volume rendering"; Mildenhall et al. 2020, eq. 3.
+// Which colour F becomes, and what is behind the scene, is the decoder's and the caller's business.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/simd/kernels.h"
+#include "vdb/occupancy.h"
+#include "vdb/voxel_field.h"
+
+namespace nerfvdb {
+
+struct TraceOptions {
+    float step_voxels = 0.5f;          // distance between samples, voxel edges
+    float stop_transmittance = 1e-4f;  // a ray ends when less light than this is left
+    float min_weight = 1e-3f;          // features of samples below this weight are not read ...
+    float max_dropped = 0.01f;         // ... as long as the weights dropped on their ray sum to at most this
+};
+
+/// A field and its occupied cells, ready to be traced. Borrows both.
+struct TraceScene {
+    TraceScene(const VoxelField& field, const Occupancy& occupancy);
+    Bricks bricks;
+    GridFrame frame;
+    Vec3d box_max;        // index space; the box begins at 0
+    double density_scale;
+};
+
+/// What tracing cost.
+struct TraceCounters {
+    std::uint64_t rays = 0;
+    std::uint64_t rays_skipped = 0;      // met no occupied cell
+    std::uint64_t samples_dense = 0;     // of a dense march through the box, no early stop
+    std::uint64_t samples_density = 0;   // density was read
+    std::uint64_t samples_features = 0;  // features were read
+    TraceCounters& operator+=(const TraceCounters& other);
+};
+
+/// The samples of a tile that carry weight, in order along each ray (rays interleaved); [n] each.
+struct KeptSamples {
+    int n = 0;
+    std::vector<std::int32_t> leaf, cell, ray;
+    std::vector<float> x, y, z, t;          // as in SampleArrays
+    std::vector<float> weight, tau;
+    std::vector<float> transmittance;       // behind the sample, T_{i+1}
+    std::vector<float> dl_draw;             // filled by traceBackward
+
+    void reserve(std::size_t size);         // makes room, keeps contents
+    SampleArrays arrays() { return {leaf.data(), cell.data(), x.data(), y.data(), z.data(), t.data()}; }
+};
+
+/// Rays of one tile and what became of them; reused from tile to tile, so that nothing is allocated in the loop.
+/// Threads: one each.
+class RayTracer {
+public:
+    explicit RayTracer(int max_rays);
+
+    /// Starts a new tile.
+    void clear() { n_rays_ = 0; }
+    /// Adds a ray (world space); its first sample lies `jitter` steps (0..1) behind the entry into the box.
+    void addRay(const TraceScene& scene, const Ray& ray, float step_voxels, float jitter);
+    int rayCount() const { return n_rays_; }
+
+    /// Traces the tile; fills `kept`, transmittance() and rayFeatures().
+    void trace(const TraceScene& scene, const TraceOptions& options, KeptSamples& kept);
+
+    /// Gradient of the kept samples' raw densities (kept.dl_draw), given dl_dF [ray][channels] and dl_dT_end [ray]:
+    ///   dl_dtau_i = T_{i+1} a_i - sum_{j>i} w_j a_j - T_end dl_dT_end,  a_i = f_i . dl_dF
+    /// Nothing divides by 1 - alpha, nothing overflows. The gradient of features is linear and left to
+    /// leaf_scatter.h: dl_df_i = w_i dl_dF.
+    void traceBackward(const TraceScene& scene, const float* dl_dray_features, const float* dl_dtransmittance,
+                       KeptSamples& kept);
+
+    const float* transmittance() const { return transmittance_.data(); }  // [ray] T_end
+    float* rayFeatures() { return ray_features_.data(); }                 // [ray][channels] F
+    const float* directions() const { return directions_.data(); }        // [ray][3] unit, world
+    /// Distance from the camera to the ray's entry into the box, voxels; add KeptSamples::t. [ray]
+    const float* entry() const { return entry_.data(); }
+    const TraceCounters& counters() const { return counters_; }
+    void resetCounters() { counters_ = {}; }
+
+private:
+    int n_rays_ = 0;
+    std::vector<float> ox_, oy_, oz_, dx_, dy_, dz_, length_, offset_, entry_, directions_;
+    std::vector<std::int32_t> next_, alive_, begin_;
+    std::vector<float> transmittance_, dropped_, ray_features_;
+    std::vector<std::int32_t> leaf_, cell_;
+    std::vector<float> x_, y_, z_, t_, raw_, tau_, alpha_, decay_;
+    std::vector<float> features_, slope_, suffix_;
+    TraceCounters counters_;
+};
+
+}  // namespace nerfvdb
