@@ -49,7 +49,8 @@ std::unique_ptr<ImageInput> openImage(const fs::path& path) {
     if (!input) {
         // The library's general error text stays behind otherwise and is printed at exit.
         const std::string complaint = firstLine(OIIO::geterror());
-        if (!fs::exists(path)) throw IoError(path.string(), "no such file", "an image", "check the name");
+        if (!fs::exists(path))
+            throw IoError(path.string(), "No such file or directory", "an image", "check the name");
         throwUndecodable(path, "an image that cannot be opened (" + complaint + ")");
     }
     const ImageSpec& spec = input->spec();
@@ -77,6 +78,7 @@ std::vector<T> decode(const fs::path& path, ImageInput& input, TypeDesc type) {
     return values;
 }
 
+/// Asked before decoding: libpng would also print its complaint.
 void checkEnd(const fs::path& path) {
     if (isTruncatedImage(readFile(path))) throwUndecodable(path, "a truncated image");
 }
@@ -172,8 +174,8 @@ void writeTo(const fs::path& file, const fs::path& path, const ImageSpec& spec, 
 }  // namespace
 
 Photo readPhoto(const fs::path& path) {
-    const std::unique_ptr<ImageInput> input = openImage(path);
     checkEnd(path);
+    const std::unique_ptr<ImageInput> input = openImage(path);
     const ImageSpec spec = input->spec();
     const Channels channels = findChannels(spec);
     Photo photo;
@@ -199,8 +201,8 @@ std::array<int, 2> readImageSize(const fs::path& path) {
 }
 
 Image readImage(const fs::path& path) {
-    const std::unique_ptr<ImageInput> input = openImage(path);
     checkEnd(path);
+    const std::unique_ptr<ImageInput> input = openImage(path);
     const ImageSpec spec = input->spec();
     Image image;
     image.width = spec.width;
