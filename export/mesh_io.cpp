@@ -1,0 +1,282 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "export/mesh_io.h"
+
+#include <algorithm>
+#include <bit>
+#include <cctype>
+#include <charconv>
+#include <cstring>
+#include <fstream>
+#include <limits>
+#include <sstream>
+#include <string>
+
+#include "core/atomic_file.h"
+#include "core/error.h"
+
+namespace nerfvdb {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "PLY is written as memory holds it");
+
+/// A file written through a buffer of its own; any failure is an IoError.
+class Output {
+public:
+    explicit Output(const std::filesystem::path& path) : path_(path), stream_(path, std::ios::binary) {
+        buffer_.reserve(kFlushAt + kMostAtOnce);
+        check();
+    }
+    void text(std::string_view s) {
+        for (; s.size() > kMostAtOnce; s.remove_prefix(kMostAtOnce)) append(s.data(), kMostAtOnce);
+        append(s.data(), s.size());
+    }
+    template <typename T>
+    void bytes(const T* values, std::size_t n) {
+        append(reinterpret_cast<const char*>(values), n * sizeof(T));
+    }
+    template <typename T>
+    void number(T value) {
+        char digits[32];
+        append(digits, std::to_chars(digits, digits + sizeof digits, value).ptr - digits);
+    }
+    void close() {
+        flush();
+        stream_.close();
+        check();
+    }
+
+private:
+    static constexpr std::size_t kFlushAt = std::size_t{1} << 20, kMostAtOnce = 4096;
+
+    void append(const char* data, std::size_t size) {
+        buffer_.append(data, size);
+        if (buffer_.size() >= kFlushAt) flush();
+    }
+    void flush() {
+        stream_.write(buffer_.data(), static_cast<std::streamsize>(buffer_.size()));
+        buffer_.clear();
+        check();
+    }
+    void check() const {
+        if (!stream_)
+            throw IoError(path_.string() + ": cannot be written to the end; is the disk full, or the folder protected?");
+    }
+
+    std::filesystem::path path_;
+    std::ofstream stream_;
+    std::string buffer_;
+};
+
+std::string extensionOf(const std::filesystem::path& path) {
+    std::string extension = path.extension().string();
+    for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    return extension;
+}
+
+void checkMesh(const Mesh& mesh) {
+    const auto check = [&](std::size_t found, const char* what) {
+        if (found != 0 && found != mesh.positions.size())
+            throw DataError(std::string("mesh: ") + what, std::to_string(found),
+                            "one per vertex (" + std::to_string(mesh.positions.size()) + ") or none");
+    };
+    check(mesh.normals.size(), "normals");
+    check(mesh.colours.size(), "colours");
+    constexpr std::size_t kMost = std::numeric_limits<std::int32_t>::max();
+    if (mesh.positions.size() > kMost || mesh.triangles.size() > kMost)
+        throw DataError("mesh", std::to_string(mesh.positions.size()) + " vertices", "at most " + std::to_string(kMost));
+    for (const Triangle& t : mesh.triangles)
+        if (t.maxCoeff() >= mesh.positions.size())
+            throw DataError("mesh: triangle", "vertex " + std::to_string(t.maxCoeff()),
+                            "a number below " + std::to_string(mesh.positions.size()));
+}
+
+void writePly(Output& out, const Mesh& mesh) {
+    out.text("ply\nformat binary_little_endian 1.0\ncomment nerfvdb\n");
+    out.text("element vertex " + std::to_string(mesh.positions.size()) + "\n");
+    for (const char* name : {"x", "y", "z"}) out.text(std::string("property float ") + name + "\n");
+    if (!mesh.normals.empty())
+        for (const char* name : {"nx", "ny", "nz"}) out.text(std::string("property float ") + name + "\n");
+    if (!mesh.colours.empty())
+        for (const char* name : {"red", "green", "blue"}) out.text(std::string("property uchar ") + name + "\n");
+    out.text("element face " + std::to_string(mesh.triangles.size()) + "\n");
+    out.text("property list uchar int vertex_indices\nend_header\n");
+
+    for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
+        out.bytes(mesh.positions[v].data(), 3);
+        if (!mesh.normals.empty()) out.bytes(mesh.normals[v].data(), 3);
+        if (!mesh.colours.empty()) out.bytes(mesh.colours[v].data(), 3);
+    }
+    constexpr std::uint8_t kCorners = 3;
+    for (const Triangle& t : mesh.triangles) {
+        out.bytes(&kCorners, 1);
+        out.bytes(t.data(), 3);
+    }
+}
+
+void writeObj(Output& out, const Mesh& mesh) {
+    const auto line = [&](const char* word, const auto& vector) {
+        out.text(word);
+        for (int c = 0; c < 3; ++c) {
+            out.text(" ");
+            out.number(vector[c]);
+        }
+    };
+    out.text("# nerfvdb\n");
+    for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
+        line("v", mesh.positions[v]);
+        if (!mesh.colours.empty()) line("", Vec3f(mesh.colours[v].cast<float>() / 255.0f));
+        out.text("\n");
+    }
+    for (const Vec3f& normal : mesh.normals) {
+        line("vn", normal);
+        out.text("\n");
+    }
+    for (const Triangle& t : mesh.triangles) {
+        out.text("f");
+        for (int c = 0; c < 3; ++c) {
+            out.text(" ");
+            out.number(t[c] + 1);
+            if (mesh.normals.empty()) continue;
+            out.text("//");
+            out.number(t[c] + 1);
+        }
+        out.text("\n");
+    }
+}
+
+struct PlyProperty {
+    std::string type, name;
+};
+
+struct PlyHeader {
+    std::size_t n_vertices = 0, n_faces = 0;
+    std::vector<PlyProperty> vertex;  // in the file's order
+    std::size_t end = 0;              // where the binary part begins
+};
+
+std::size_t sizeOfType(const std::string& type) {
+    if (type == "char" || type == "uchar" || type == "int8" || type == "uint8") return 1;
+    if (type == "short" || type == "ushort" || type == "int16" || type == "uint16") return 2;
+    if (type == "int" || type == "uint" || type == "float" || type == "int32" || type == "uint32" || type == "float32")
+        return 4;
+    return type == "double" || type == "float64" ? 8 : 0;
+}
+
+PlyHeader parseHeader(const std::string& where, const std::string& bytes) {
+    static const std::string kEnd = "end_header\n";
+    const std::size_t end = bytes.find(kEnd);
+    if (bytes.compare(0, 4, "ply\n") != 0 || end == std::string::npos)
+        throw DataError(where, "no PLY header", "a file that begins with \"ply\" and has \"end_header\"");
+    PlyHeader header;
+    header.end = end + kEnd.size();
+    std::istringstream lines(bytes.substr(4, end - 4));
+    std::string element;
+    for (std::string line; std::getline(lines, line);) {
+        std::istringstream words(line);
+        std::string word, type;
+        words >> word;
+        if (word == "format") {
+            words >> type;
+            if (type != "binary_little_endian")
+                throw DataError(where + ": format", type, "binary_little_endian");
+        } else if (word == "element") {
+            std::size_t count = 0;
+            words >> element >> count;
+            if (!words || (element != "vertex" && element != "face"))
+                throw DataError(where + ": header", "\"" + line + "\"", "\"element vertex N\" or \"element face N\"");
+            (element == "vertex" ? header.n_vertices : header.n_faces) = count;
+        } else if (word == "property" && element == "vertex") {
+            PlyProperty property;
+            words >> property.type >> property.name;
+            if (sizeOfType(property.type) == 0)
+                throw DataError(where + ": header", "\"" + line + "\"", "a property of a plain number type");
+            header.vertex.push_back(property);
+        } else if (word == "property") {
+            std::string count_type, index_type;
+            words >> type >> count_type >> index_type;
+            if (type != "list" || sizeOfType(count_type) != 1 || sizeOfType(index_type) != 4)
+                throw DataError(where + ": header", "\"" + line + "\"", "\"property list uchar int vertex_indices\"");
+        }
+    }
+    return header;
+}
+
+/// Byte offset in a vertex of three properties in a row of the given type, or -1 if they are not there.
+std::ptrdiff_t offsetOf(const PlyHeader& header, std::size_t type_size, const std::array<const char*, 3>& names) {
+    std::ptrdiff_t offset = 0;
+    for (std::size_t i = 0; i + 2 < header.vertex.size(); ++i) {
+        bool is_match = true;
+        for (std::size_t k = 0; k < 3; ++k)
+            is_match &= header.vertex[i + k].name == names[k] && sizeOfType(header.vertex[i + k].type) == type_size;
+        if (is_match) return offset;
+        offset += static_cast<std::ptrdiff_t>(sizeOfType(header.vertex[i].type));
+    }
+    return -1;
+}
+
+}  // namespace
+
+void checkMeshPath(const std::filesystem::path& path) {
+    const std::string extension = extensionOf(path);
+    if (extension != ".ply" && extension != ".obj")
+        throw UsageError(path.string(), extension.empty() ? "no extension" : "extension \"" + extension + "\"",
+                         ".ply or .obj", "the extension chooses the mesh format");
+}
+
+void writeMesh(const std::filesystem::path& path, const Mesh& mesh) {
+    checkMeshPath(path);
+    checkMesh(mesh);
+    writeAtomically(path, [&](const std::filesystem::path& temporary) {
+        Output out(temporary);
+        if (extensionOf(path) == ".ply")
+            writePly(out, mesh);
+        else
+            writeObj(out, mesh);
+        out.close();
+    });
+}
+
+Mesh readPly(const std::filesystem::path& path) {
+    const std::string where = path.string();
+    const std::string bytes = readFile(path);
+    const PlyHeader header = parseHeader(where, bytes);
+    std::size_t vertex_size = 0;
+    for (const PlyProperty& property : header.vertex) vertex_size += sizeOfType(property.type);
+    constexpr std::size_t kFaceSize = 1 + 3 * sizeof(std::int32_t);
+
+    const std::size_t body = bytes.size() - header.end;
+    // Divided, not multiplied: a count in a damaged header must not overflow.
+    if (vertex_size == 0 || header.n_vertices > body / vertex_size ||
+        header.n_faces != (body - header.n_vertices * vertex_size) / kFaceSize ||
+        (body - header.n_vertices * vertex_size) % kFaceSize != 0)
+        throw DataError(where, std::to_string(body) + " bytes after the header",
+                        std::to_string(header.n_vertices) + " vertices and " + std::to_string(header.n_faces) +
+                            " triangles", "the file is truncated or its faces are not triangles");
+    const std::ptrdiff_t position = offsetOf(header, 4, {"x", "y", "z"});
+    const std::ptrdiff_t normal = offsetOf(header, 4, {"nx", "ny", "nz"});
+    const std::ptrdiff_t colour = offsetOf(header, 1, {"red", "green", "blue"});
+    if (position < 0) throw DataError(where, "vertices without float x y z", "a mesh");
+
+    Mesh mesh;
+    mesh.positions.resize(header.n_vertices);
+    if (normal >= 0) mesh.normals.resize(header.n_vertices);
+    if (colour >= 0) mesh.colours.resize(header.n_vertices);
+    mesh.triangles.resize(header.n_faces);
+    const char* from = bytes.data() + header.end;
+    for (std::size_t v = 0; v < header.n_vertices; ++v, from += vertex_size) {
+        std::memcpy(mesh.positions[v].data(), from + position, 12);
+        if (normal >= 0) std::memcpy(mesh.normals[v].data(), from + normal, 12);
+        if (colour >= 0) std::memcpy(mesh.colours[v].data(), from + colour, 3);
+    }
+    for (Triangle& triangle : mesh.triangles) {
+        if (*from != 3) throw DataError(where, "a face of " + std::to_string(int{*from}) + " corners", "triangles");
+        std::memcpy(triangle.data(), from + 1, 12);
+        if (triangle.maxCoeff() >= header.n_vertices)
+            throw DataError(where, "vertex " + std::to_string(triangle.maxCoeff()) + " in a face",
+                            "a number below " + std::to_string(header.n_vertices));
+        from += kFaceSize;
+    }
+    return mesh;
+}
+
+}  // namespace nerfvdb

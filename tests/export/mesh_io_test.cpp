@@ -1,0 +1,185 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "export/mesh_io.h"
+
+#include <sys/resource.h>
+
+#include <csignal>
+#include <cstring>
+#include <fstream>
+#include <sstream>
+
+#include "core/atomic_file.h"
+#include "core/error.h"
+#include "tests/support/catch.h"
+#include "tests/support/temp_dir.h"
+
+using namespace nerfvdb;
+
+namespace {
+
+Mesh smallMesh() {
+    Mesh mesh;
+    mesh.positions = {{0.1f, -2, 3e-7f}, {1, 0, 0}, {0, 1.0f / 3, 0}, {1e6f, 0, 1}};
+    mesh.normals = {{0, 0, 1}, {0, 1, 0}, {1, 0, 0}, {0.6f, 0, -0.8f}};
+    mesh.colours = {{0, 1, 2}, {255, 254, 253}, {10, 13, 26}, {128, 0, 255}};  // 10, 13, 26: as text they would hurt
+    mesh.triangles = {{0, 1, 2}, {3, 2, 1}};
+    return mesh;
+}
+
+void writeBytes(const std::filesystem::path& path, const std::string& bytes) {
+    std::ofstream(path, std::ios::binary) << bytes;
+}
+
+/// Files that would grow beyond `bytes` fail to, as on a full disk.
+class FileSizeLimit {
+public:
+    explicit FileSizeLimit(rlim_t bytes) : signal_(std::signal(SIGXFSZ, SIG_IGN)) {
+        getrlimit(RLIMIT_FSIZE, &before_);
+        rlimit now = before_;
+        now.rlim_cur = bytes;
+        setrlimit(RLIMIT_FSIZE, &now);
+    }
+    ~FileSizeLimit() {
+        setrlimit(RLIMIT_FSIZE, &before_);
+        std::signal(SIGXFSZ, signal_);
+    }
+
+private:
+    rlimit before_{};
+    void (*signal_)(int);
+};
+
+}  // namespace
+
+TEST_CASE("a PLY file holds what the mesh holds", "[export]") {
+    const TempDir folder;
+    const Mesh mesh = smallMesh();
+    writeMesh(folder / "m.ply", mesh);
+    const Mesh read = readPly(folder / "m.ply");
+    CHECK(read.positions == mesh.positions);
+    CHECK(read.normals == mesh.normals);
+    CHECK(read.colours == mesh.colours);
+    CHECK(read.triangles == mesh.triangles);
+
+    const std::string bytes = readFile(folder / "m.ply");
+    const std::string header =
+        "ply\nformat binary_little_endian 1.0\ncomment nerfvdb\nelement vertex 4\n"
+        "property float x\nproperty float y\nproperty float z\n"
+        "property float nx\nproperty float ny\nproperty float nz\n"
+        "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+        "element face 2\nproperty list uchar int vertex_indices\nend_header\n";
+    REQUIRE(bytes.size() == header.size() + 4 * (12 + 12 + 3) + 2 * (1 + 12));
+    CHECK(bytes.substr(0, header.size()) == header);
+    CHECK(bytes.substr(bytes.size() - 13) == std::string("\3\3\0\0\0\2\0\0\0\1\0\0\0", 13));
+}
+
+TEST_CASE("normals and colours may be absent", "[export]") {
+    const TempDir folder;
+    Mesh mesh = smallMesh();
+    mesh.normals.clear();
+    mesh.colours.clear();
+    writeMesh(folder / "m.PLY", mesh);
+    const Mesh read = readPly(folder / "m.PLY");
+    CHECK(read.positions == mesh.positions);
+    CHECK(read.normals.empty());
+    CHECK(read.colours.empty());
+    writeMesh(folder / "m.obj", mesh);
+    CHECK(readFile(folder / "m.obj") ==
+          "# nerfvdb\nv 0.1 -2 3e-07\nv 1 0 0\nv 0 0.33333334 0\nv 1e+06 0 1\nf 1 2 3\nf 4 3 2\n");
+}
+
+TEST_CASE("an OBJ file reads back to the same floats", "[export]") {
+    const TempDir folder;
+    const Mesh mesh = smallMesh();
+    writeMesh(folder / "m.obj", mesh);
+    std::istringstream lines(readFile(folder / "m.obj"));
+    std::size_t n_vertices = 0, n_normals = 0, n_faces = 0;
+    for (std::string line; std::getline(lines, line);) {
+        std::istringstream words(line);
+        std::string word;
+        words >> word;
+        if (word == "v") {
+            Vec3f position, colour;
+            words >> position[0] >> position[1] >> position[2] >> colour[0] >> colour[1] >> colour[2];
+            REQUIRE(words);
+            CHECK(position == mesh.positions[n_vertices]);
+            CHECK(Vec3f(mesh.colours[n_vertices].cast<float>() / 255.0f) == colour);
+            ++n_vertices;
+        } else if (word == "vn") {
+            Vec3f normal;
+            words >> normal[0] >> normal[1] >> normal[2];
+            CHECK(normal == mesh.normals[n_normals++]);
+        } else if (word == "f") {
+            ++n_faces;
+        }
+    }
+    CHECK(n_vertices == 4);
+    CHECK(n_normals == 4);
+    CHECK(n_faces == 2);
+    CHECK(readFile(folder / "m.obj").find("f 4//4 3//3 2//2\n") != std::string::npos);
+}
+
+TEST_CASE("an unknown extension is a wrong use that names the known ones", "[export]") {
+    const TempDir folder;
+    CHECK_THROWS_AS(checkMeshPath("scene.stl"), UsageError);
+    CHECK_THROWS_WITH(writeMesh(folder / "scene.stl", smallMesh()),
+                      Catch::Contains(".ply or .obj") && Catch::Contains("\".stl\""));
+    CHECK_THROWS_WITH(writeMesh(folder / "scene", smallMesh()), Catch::Contains("no extension"));
+    CHECK(std::filesystem::is_empty(folder.path()));
+}
+
+TEST_CASE("a file that cannot be written leaves the old one as it was", "[export]") {
+    const TempDir folder;
+    for (const char* name : {"m.ply", "m.obj"}) {
+        writeBytes(folder / name, "old");
+        Mesh mesh = smallMesh();
+        for (int i = 0; i < 10000; ++i) mesh.triangles.push_back({0, 1, 2});
+        {
+            const FileSizeLimit full_disk(50000);
+            CHECK_THROWS_AS(writeMesh(folder / name, mesh), IoError);
+        }
+        CHECK(readFile(folder / name) == "old");
+    }
+    CHECK(std::distance(std::filesystem::directory_iterator(folder.path()), {}) == 2);  // no temporary stays
+    CHECK_THROWS_AS(writeMesh(folder / "absent" / "m.ply", smallMesh()), IoError);
+}
+
+TEST_CASE("a mesh at odds with itself is not written", "[export]") {
+    const TempDir folder;
+    Mesh mesh = smallMesh();
+    mesh.normals.pop_back();
+    CHECK_THROWS_AS(writeMesh(folder / "m.ply", mesh), DataError);
+    mesh = smallMesh();
+    mesh.triangles[1][0] = 4;
+    CHECK_THROWS_WITH(writeMesh(folder / "m.ply", mesh), Catch::Contains("vertex 4"));
+}
+
+TEST_CASE("a damaged PLY file is an error", "[export]") {
+    const TempDir folder;
+    const auto path = folder / "m.ply";
+    writeMesh(path, smallMesh());
+    const std::string good = readFile(path);
+    const auto reads = [&](const std::string& bytes) {
+        writeBytes(path, bytes);
+        readPly(path);
+    };
+    CHECK_THROWS_WITH(reads(good.substr(0, good.size() - 1)), Catch::Contains("truncated"));
+    CHECK_THROWS_AS(reads(good.substr(0, 40)), DataError);
+    CHECK_THROWS_AS(reads("solid"), DataError);
+    CHECK_THROWS_AS(reads(""), DataError);
+    const auto with = [&](std::string from, const std::string& to) {
+        std::string bytes = good;
+        return bytes.replace(bytes.find(from), from.size(), to);
+    };
+    CHECK_THROWS_WITH(reads(with("binary_little_endian", "ascii")), Catch::Contains("ascii"));
+    CHECK_THROWS_AS(reads(with("vertex 4", "vertex 99999999999999999")), DataError);
+    CHECK_THROWS_AS(reads(with("vertex 4", "vertex -4")), DataError);
+    CHECK_THROWS_AS(reads(with("property float x", "property quark x")), DataError);
+    std::string bytes = good;
+    bytes[bytes.size() - 13] = 4;  // corners of the last face
+    CHECK_THROWS_WITH(reads(bytes), Catch::Contains("4 corners"));
+    bytes = good;
+    bytes[bytes.size() - 12] = 9;
+    CHECK_THROWS_WITH(reads(bytes), Catch::Contains("vertex 9"));
+    CHECK_THROWS_AS(readPly(folder / "absent.ply"), IoError);
+}
