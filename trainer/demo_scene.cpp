@@ -1,0 +1,193 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/demo_scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "trainer/light_grid.h"
+#include "trainer/solid_scene.h"
+
+namespace nerfvdb {
+namespace {
+
+const Box kBounds{{-1.06, -1.06, -0.76}, {1.06, 1.06, 1.04}};
+const Vec3d kCentre(0, 0, 0.30);             // of the ornament
+constexpr double kRadius = 0.66;             // of the ornament
+constexpr double kHollow = 0.40;             // radius of the space around the core
+constexpr double kFrequency = 8.6;           // of the gyroid: phase per world unit
+constexpr double kThickness = 0.30;          // of its sheet, as a value of the gyroid's function
+constexpr double kPlinthTop = -0.44;
+
+/// sin x cos y + sin y cos z + sin z cos x (Schoen's gyroid is where it vanishes), and its derivative.
+/// |slope| <= sqrt(3), reached where all phases are zero.
+struct Gyroid {
+    double value;
+    Vec3d slope;
+};
+Gyroid gyroid(const Vec3d& x) {
+    const Vec3d s = x.array().sin(), c = x.array().cos();
+    return {s.x() * c.y() + s.y() * c.z() + s.z() * c.x(),
+            {c.x() * c.y() - s.z() * s.x(), c.y() * c.z() - s.x() * s.y(), c.z() * c.x() - s.y() * s.z()}};
+}
+
+class DemoScene final : public SolidScene {
+public:
+    DemoScene() : SolidScene(kBounds, 150.0, 0.012), light_(*this) {}
+
+    double distance(const Vec3d& p) const override { return nearest(p).distance; }
+    Vec3d slope(const Vec3d& p) const override { return slope(p, nearest(p).body); }
+    Vec3d diffuse(const Vec3d& p) const override { return display(shade(p).light); }
+    Vec3d radiance(const Vec3d& p, const Vec3d& direction) const override {
+        const Shaded s = shade(p);
+        return display(s.light + s.gloss * sunHighlight(s.normal, direction));
+    }
+
+private:
+    enum class Body { ornament, core, plinth, holder, rim };
+    struct Nearest {
+        double distance;
+        Body body;
+    };
+    Nearest nearest(const Vec3d& p) const {
+        Nearest best{ornament(p), Body::ornament};
+        const auto consider = [&](double d, Body body) {
+            if (d < best.distance) best = {d, body};
+        };
+        consider(ballDistance(p - kCentre, 0.27), Body::core);
+        consider(plinth(p), Body::plinth);
+        consider(torusDistance(p - Vec3d(0, 0, kPlinthTop + 0.035), 0.36, 0.055), Body::holder);
+        consider(torusDistance(p - Vec3d(0, 0, kPlinthTop - 0.005), 0.835, 0.024), Body::rim);
+        return best;
+    }
+    static Vec3d slope(const Vec3d& p, Body body) {
+        const double r = std::max(std::hypot(p.x(), p.y()), 1e-12);
+        const auto fromRing = [&](double ring_radius, double height) {
+            const double outwards = 1.0 - ring_radius / r;
+            return Vec3d(p.x() * outwards, p.y() * outwards, p.z() - height).normalized();
+        };
+        switch (body) {
+            case Body::ornament: return ornamentSlope(p);
+            case Body::core: return (p - kCentre).normalized();
+            case Body::holder: return fromRing(0.36, kPlinthTop + 0.035);
+            case Body::rim: return fromRing(0.835, kPlinthTop - 0.005);
+            case Body::plinth: break;
+        }
+        constexpr double kStep = 0.002;
+        Vec3d slope;
+        for (int axis = 0; axis < 3; ++axis) {
+            const Vec3d step = kStep * Vec3d::Unit(axis);
+            slope[axis] = (plinth(p + step) - plinth(p - step)) / (2.0 * kStep);
+        }
+        return slope;
+    }
+
+    /// A gyroid sheet, cut to a ball and hollowed around the core, its edges rounded.
+    static double ornament(const Vec3d& p) {
+        const Vec3d q = p - kCentre;
+        const double r = q.norm();
+        if (r > kRadius + 0.1) return r - kRadius;  // a lower bound is all that rays need out there
+        if (r < kHollow - 0.1) return kHollow - r;
+        const double sheet = sheetDistance(gyroid(kFrequency * q).value);
+        return smoothIntersection(smoothIntersection(sheet, r - kRadius, kRound), kHollow - r, kRound);
+    }
+    static Vec3d ornamentSlope(const Vec3d& p) {
+        const Vec3d q = p - kCentre;
+        const double r = q.norm();
+        if (r == 0.0) return Vec3d::Zero();
+        if (r > kRadius + 0.1) return q / r;
+        if (r < kHollow - 0.1) return -q / r;
+        const Gyroid g = gyroid(kFrequency * q);
+        const double sheet = sheetDistance(g.value), cut = smoothIntersection(sheet, r - kRadius, kRound);
+        const double of_ball = smoothIntersectionShare(sheet, r - kRadius, kRound);
+        const double of_hollow = smoothIntersectionShare(cut, kHollow - r, kRound);
+        const Vec3d sheet_slope = (g.value < 0.0 ? -1.0 : 1.0) / std::numbers::sqrt3 * g.slope;
+        return (1.0 - of_hollow) * ((1.0 - of_ball) * sheet_slope + of_ball * q / r) - of_hollow * q / r;
+    }
+    static constexpr double kRound = 0.05;
+    static double sheetDistance(double gyroid_value) {
+        return (std::abs(gyroid_value) - kThickness) / (kFrequency * std::numbers::sqrt3);
+    }
+
+    /// Two round steps.
+    static double plinth(const Vec3d& p) {
+        const double foot = discDistance(p - Vec3d(0, 0, kPlinthTop - 0.22), 1.0, 0.06, 0.025);
+        const double drum = discDistance(p - Vec3d(0, 0, kPlinthTop - 0.10), 0.86, 0.10, 0.025);
+        return std::min(foot, drum);
+    }
+
+    struct Shaded {
+        Vec3d light;  // scene-linear, before display()
+        Vec3d gloss;  // what a full highlight adds
+        Vec3d normal;
+    };
+
+    Shaded shade(const Vec3d& p) const {
+        const Body body = nearest(p).body;
+        const Vec3d n = slope(p, body).normalized();
+        const LightGrid::Light share = light_.at(p);
+        Vec3d albedo, gloss, glow = Vec3d::Zero();
+        switch (body) {
+            case Body::ornament: {
+                const Vec3d q = p - kCentre;
+                const double r = q.norm();
+                albedo = porcelain(q);
+                gloss = Vec3d::Constant(0.35);
+                // Light that the golden core throws back on the inner walls.
+                const double inwards = std::max(-n.dot(q / r), 0.0);
+                glow = albedo.cwiseProduct(Vec3d(0.50, 0.24, 0.06)) * inwards * smoothStep((0.64 - r) / 0.26);
+                break;
+            }
+            case Body::plinth:
+                albedo = enamel(p);
+                gloss = Vec3d::Constant(0.15);
+                break;
+            default:
+                albedo = Vec3d(0.80, 0.46, 0.12);
+                gloss = Vec3d(0.9, 0.62, 0.25);
+        }
+        const double sun = 2.0 * share.sun * std::max(n.dot(sunDirection()), 0.0);
+        const double up = 0.5 + 0.5 * n.z();
+        const Vec3d sky = share.sky * (up * Vec3d(0.58, 0.66, 0.80) + (1.0 - up) * Vec3d(0.30, 0.24, 0.20));
+        return {albedo.cwiseProduct(sun * Vec3d(1.0, 0.93, 0.82) + sky) + glow, share.sun * gloss, n};
+    }
+
+    /// White at the outside; inwards coral on one side of the sheet, teal on the other.
+    static Vec3d porcelain(const Vec3d& q) {
+        const Vec3d white(0.86, 0.82, 0.74), coral(0.84, 0.19, 0.09), teal(0.02, 0.34, 0.42);
+        const double depth = smoothStep((kRadius - 0.02 - q.norm()) / 0.20);
+        const double side = smoothStep(0.5 + 4.0 * gyroid(kFrequency * q).value);
+        return (1.0 - depth) * white + depth * (side * coral + (1.0 - side) * teal);
+    }
+
+    /// Night-blue, with a band of coloured tiles around the drum and a rosette on top.
+    static Vec3d enamel(const Vec3d& p) {
+        const Vec3d night(0.018, 0.042, 0.12), ivory(0.78, 0.72, 0.58);
+        const double angle = std::atan2(p.y(), p.x()), r = std::hypot(p.x(), p.y());
+        if (p.z() < kPlinthTop - 0.165) return night;
+        if (p.z() < kPlinthTop - 0.03) {
+            const double height = (p.z() - kPlinthTop + 0.095) / 0.055;
+            const double tile = smoothStep(0.5 + 3.0 * (0.75 - std::abs(height))) *
+                                smoothStep(0.5 + 2.5 * std::sin(18.0 * angle));
+            const double hue = 0.5 + 0.5 * std::sin(2.0 * angle);
+            const Vec3d tint = hue * Vec3d(0.80, 0.20, 0.09) + (1.0 - hue) * Vec3d(0.04, 0.42, 0.46);
+            return (1.0 - tile) * night + tile * tint;
+        }
+        const double petals = 0.62 + 0.09 * std::cos(12.0 * angle);
+        const double inlay = smoothStep(0.5 + 30.0 * (0.018 - std::abs(r - petals)));
+        const double field = smoothStep(0.5 + 30.0 * (petals - r));
+        const Vec3d ground = (1.0 - field) * night + field * Vec3d(0.03, 0.22, 0.28);
+        return (1.0 - inlay) * ground + inlay * ivory;
+    }
+
+    /// From light without a ceiling to sRGB values: a soft shoulder, then the usual power.
+    static Vec3d display(const Vec3d& light) { return (1.0 - (-1.25 * light.array()).exp()).pow(1.0 / 2.2); }
+
+    LightGrid light_;
+};
+
+}  // namespace
+
+std::unique_ptr<SyntheticScene> makeDemoScene() { return std::make_unique<DemoScene>(); }
+
+}  // namespace nerfvdb
