@@ -12,11 +12,11 @@ namespace nerfvdb {
 namespace {
 
 const Box kBounds{{-1.06, -1.06, -0.76}, {1.06, 1.06, 1.04}};
-const Vec3d kCentre(0, 0, 0.30);             // of the ornament
-constexpr double kRadius = 0.66;             // of the ornament
-constexpr double kHollow = 0.40;             // radius of the space around the core
-constexpr double kFrequency = 8.6;           // of the gyroid: phase per world unit
-constexpr double kThickness = 0.30;          // of its sheet, as a value of the gyroid's function
+const Vec3d kCentre(0, 0, 0.30);     // of the ornament
+constexpr double kRadius = 0.66;     // of the ornament
+constexpr double kHollow = 0.40;     // radius of the space around the core
+constexpr double kFrequency = 8.6;   // of the gyroid: phase per world unit
+constexpr double kThickness = 0.30;  // of its sheet, as a value of the gyroid's function
 constexpr double kPlinthTop = -0.44;
 
 /// sin x cos y + sin y cos z + sin z cos x (Schoen's gyroid is where it vanishes), and its derivative.
@@ -67,11 +67,16 @@ private:
             return Vec3d(p.x() * outwards, p.y() * outwards, p.z() - height).normalized();
         };
         switch (body) {
-            case Body::ornament: return ornamentSlope(p);
-            case Body::core: return (p - kCentre).normalized();
-            case Body::holder: return fromRing(0.36, kPlinthTop + 0.035);
-            case Body::rim: return fromRing(0.835, kPlinthTop - 0.005);
-            case Body::plinth: break;
+            case Body::ornament:
+                return ornamentSlope(p);
+            case Body::core:
+                return (p - kCentre).normalized();
+            case Body::holder:
+                return fromRing(0.36, kPlinthTop + 0.035);
+            case Body::rim:
+                return fromRing(0.835, kPlinthTop - 0.005);
+            case Body::plinth:
+                break;
         }
         constexpr double kStep = 0.002;
         Vec3d slope;

@@ -11,11 +11,12 @@ namespace nerfvdb {
 namespace {
 
 constexpr int kMaxHalvings = 12;
-constexpr double kNegligible = 0.1;   // panels that add less than this share of the tolerance stay black
-constexpr double kBendShare = 0.2;    // the parabola through three colours errs far less than the chord does
+constexpr double kNegligible = 0.1;  // panels that add less than this share of the tolerance stay black
+constexpr double kHeavy = 0.03;      // panels with more of the ray's light than this ask for all five colours
+constexpr double kBendShare = 0.2;   // the others ask for three; the parabola errs far less than the chord
 
-/// The part of the ray inside a box, t0 >= 0; empty when t0 >= t1. Infinities sort themselves out; 0 * inf cannot
-/// occur because an axis without direction is tested by position.
+/// The part of the ray inside a box, t0 >= 0; empty when t0 >= t1. Infinities sort themselves out; 0 * inf
+/// cannot occur because an axis without direction is tested by position.
 struct Interval {
     double t0 = 0, t1 = std::numeric_limits<double>::infinity();
 };
@@ -86,7 +87,7 @@ private:
     struct Weights {
         double tau_middle = 0, tau = 0;  // optical depth up to the middle, up to the end
         double first = 0, middle = 0, last = 0;
-            };
+    };
     static Weights simpson(double length, double a, double m, double b) {
         Weights w;
         w.tau = length / 6.0 * (a + 4.0 * m + b);
@@ -119,12 +120,17 @@ private:
         Vec3d rgb = Vec3d::Zero();
         if (error <= options_.tolerance && transmittance_ * alpha > options_.tolerance * kNegligible) {
             const Vec3d ca = colour(a), cm = colour(m), cb = colour(b);
-            const double bend = (cm - 0.5 * (ca + cb)).cwiseAbs().maxCoeff();
-            error = std::max(error, kBendShare * transmittance_ * alpha * bend);
-            // Colours between are read from the parabola through the three.
-            rgb = front.first * ca + front.middle * (0.375 * ca + 0.75 * cm - 0.125 * cb) + front.last * cm +
-                  behind_front * (back.first * cm + back.middle * (0.75 * cm + 0.375 * cb - 0.125 * ca) +
-                                  back.last * cb);
+            // The parabola through three colours guesses those between.
+            Vec3d cam = 0.375 * ca + 0.75 * cm - 0.125 * cb, cmb = 0.75 * cm + 0.375 * cb - 0.125 * ca;
+            double miss = kBendShare * (cm - 0.5 * (ca + cb)).cwiseAbs().maxCoeff();
+            if (transmittance_ * alpha > kHeavy) {
+                miss = 0.5 * std::max((colour(am) - cam).cwiseAbs().maxCoeff(),
+                                      (colour(mb) - cmb).cwiseAbs().maxCoeff());
+                cam = am.rgb, cmb = mb.rgb;
+            }
+            error = std::max(error, transmittance_ * alpha * miss);
+            rgb = front.first * ca + front.middle * cam + front.last * cm +
+                  behind_front * (back.first * cm + back.middle * cmb + back.last * cb);
         }
         if (error <= options_.tolerance || halvings >= kMaxHalvings) {
             colour_ += transmittance_ * rgb;

@@ -9,11 +9,12 @@
 namespace nerfvdb {
 namespace {
 
-constexpr double kCell = 0.02;                    // world units
-constexpr double kSeenDepth = 0.15;               // deeper inside a body no light comes from
-constexpr LightGrid::Light kUnlit{-1.0, -1.0};    // a corner that no visible point reads
+constexpr double kCell = 0.02;                  // world units
+constexpr double kSeenDepth = 0.15;             // deeper inside a body no light comes from
+constexpr LightGrid::Light kUnlit{-1.0, -1.0};  // a corner that no visible point reads
 
-/// Share of the sun: the narrowest gap on the way to it, as an angle (Quilez, "Soft shadows in raymarched SDFs").
+/// Share of the sun: the narrowest gap on the way to it, as an angle (Quilez, "Soft shadows in raymarched
+/// SDFs").
 double sunShare(const SolidScene& scene, const Vec3d& from) {
     constexpr double kSharpness = 8.0, kReach = 2.0;
     double share = 1.0;
@@ -25,8 +26,8 @@ double sunShare(const SolidScene& scene, const Vec3d& from) {
     return smoothStep(std::max(share, 0.0));
 }
 
-/// Share of the sky: how much nearer other surfaces are than they would be over an open plane, at growing distances
-/// along the normal (Evans 2006, "Fast approximations for global illumination on dynamic scenes").
+/// Share of the sky: how much nearer other surfaces are than they would be over an open plane, at growing
+/// distances along the normal (Evans 2006, "Fast approximations for global illumination on dynamic scenes").
 double skyShare(const SolidScene& scene, const Vec3d& surface, const Vec3d& slope) {
     const double steepness = std::max(slope.norm(), 0.3);
     const Vec3d normal = slope.normalized();
@@ -48,8 +49,8 @@ LightGrid::LightGrid(const SolidScene& scene)
         Vec3d point = origin_ + kCell * corner.cast<double>();
         const double d = scene.distance(point);
         if (d > 2.0 * kCell + scene.edge() || d < -kSeenDepth) return;
-        // Corners inside a body would be dark: go to the nearest surface first. Several steps, because a distance
-        // may be an underestimate.
+        // Corners inside a body would be dark: go to the nearest surface first. Several steps, because a
+        // distance may be an underestimate.
         for (int i = 0; i < 5; ++i) point -= scene.distance(point) * scene.normal(point);
         const Vec3d slope = scene.slope(point);
         light = {sunShare(scene, point + 0.01 * slope), skyShare(scene, point, slope)};

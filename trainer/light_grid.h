@@ -8,8 +8,8 @@
 
 namespace nerfvdb {
 
-/// What light reaches places near the surfaces. Values on a coarse grid, trilinear between; this reading is part of
-/// the scene's definition, hence as exact as the rest, and it softens shadows.
+/// What light reaches places near the surfaces. Values on a coarse grid, trilinear between; this reading is
+/// part of the scene's definition, hence as exact as the rest, and it softens shadows.
 class LightGrid {
 public:
     struct Light {

@@ -13,7 +13,8 @@ namespace nerfvdb {
 
 inline double ballDistance(const Vec3d& p, double radius) { return p.norm() - radius; }
 
-/// From the nearest point of the line segment a b to p; its length less a radius is the distance to a round rod.
+/// From the nearest point of the line segment a b to p; its length less a radius is the distance to a round
+/// rod.
 inline Vec3d fromRodAxis(const Vec3d& p, const Vec3d& a, const Vec3d& b) {
     const Vec3d along = b - a;
     const double s = std::clamp((p - a).dot(along) / along.squaredNorm(), 0.0, 1.0);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scenes of solid bodies: density follows from a signed distance through a steep but smooth edge, and colour from
-// albedo, one sun and a sky.
+// Scenes of solid bodies: density follows from a signed distance through a steep but smooth edge, and colour
+// from albedo, one sun and a sky.
 #pragma once
 
 #include "trainer/signed_distance.h"

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The five small scenes, one question each: solid and textured, hollow, thin, glossy, soft. The composite scene is
-// in demo_scene.cpp. All fit into a ball of radius 1.3 about the origin; z is up.
+// The five small scenes, one question each: solid and textured, hollow, thin, glossy, soft. The composite scene
+// is in demo_scene.cpp. All fit into a ball of radius 1.3 about the origin; z is up.
 #include "trainer/synthetic_scene.h"
 
 #include <array>
@@ -66,8 +66,9 @@ public:
     }
     Vec3d diffuse(const Vec3d& p) const override {
         const bool is_outside = p.norm() > 0.78 + bump(p);
-        const Vec3d albedo = is_outside ? Vec3d(0.24, 0.53, 0.62) + bump(p) * Vec3d(5.0, 4.0, 1.5)
-                                        : Vec3d(0.95, 0.62, 0.30) + 0.12 * std::sin(9.0 * p.z()) * Vec3d(0.2, 1, 1);
+        const Vec3d albedo = is_outside
+                                 ? Vec3d(0.24, 0.53, 0.62) + bump(p) * Vec3d(5.0, 4.0, 1.5)
+                                 : Vec3d(0.95, 0.62, 0.30) + 0.12 * std::sin(9.0 * p.z()) * Vec3d(0.2, 1, 1);
         return (softLight(normal(p)) * albedo).cwiseMin(1.0).cwiseMax(0.0);
     }
 
@@ -166,7 +167,9 @@ public:
 private:
     static double ball(const Vec3d& p) { return ballDistance(p - Vec3d(0, 0, 0.20), 0.50); }
     static double ring(const Vec3d& p) { return torusDistance(p - Vec3d(0, 0, -0.28), 0.62, 0.13); }
-    static double cushion(const Vec3d& p) { return boxDistance(p - Vec3d(0, 0, -0.52), {0.92, 0.92, 0.16}, 0.14); }
+    static double cushion(const Vec3d& p) {
+        return boxDistance(p - Vec3d(0, 0, -0.52), {0.92, 0.92, 0.16}, 0.14);
+    }
 };
 
 /// Soft Gaussian blobs of optical depth about 1, in colours that change slowly from place to place.
@@ -189,7 +192,8 @@ public:
     }
     Vec3d radiance(const Vec3d& p, const Vec3d&) const override { return diffuse(p); }
     Vec3d diffuse(const Vec3d& p) const override {
-        return Vec3d(0.60 + 0.35 * std::sin(1.9 * p.x() + 0.4), 0.50 + 0.30 * std::sin(2.1 * p.y() - 0.7 * p.x()),
+        return Vec3d(0.60 + 0.35 * std::sin(1.9 * p.x() + 0.4),
+                     0.50 + 0.30 * std::sin(2.1 * p.y() - 0.7 * p.x()),
                      0.62 + 0.33 * std::sin(2.3 * p.z() + 1.1 * p.y() + 1.0));
     }
     double emptyRadius(const Vec3d&) const override { return 0.0; }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Scenes given by formulas: density and radiance are known exactly at every point, so that a trained model can be
-// compared with the truth itself. How a ray through one becomes a colour: exact_ray.h.
+// Scenes given by formulas: density and radiance are known exactly at every point, so that a trained model can
+// be compared with the truth itself. How a ray through one becomes a colour: exact_ray.h.
 #pragma once
 
 #include <memory>
@@ -29,8 +29,8 @@ public:
     /// Radiance without what depends on direction.
     virtual Vec3d diffuse(const Vec3d& point) const = 0;
 
-    /// Density is zero in the open ball of this radius about the point. 0 is always right; larger values let rays
-    /// skip empty space.
+    /// Density is zero in the open ball of this radius about the point. 0 is always right; larger values let
+    /// rays skip empty space.
     virtual double emptyRadius(const Vec3d& point) const = 0;
 
     /// World length over which density and radiance may change their character; the integrator starts from it.
