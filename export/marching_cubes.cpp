@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Marching cubes on leaf blocks. The work is told by bit masks: one pass over the leaves says which voxels are
-// inside; a survey of each block counts its vertices and triangles; prefix sums give every block its place in the
-// mesh; a last pass fills the places. No table of shared vertices is needed: a crossed edge belongs to the block
-// of its lower voxel, and its number is its rank among the block's crossed edges.
+// inside; a survey of each block counts its vertices and triangles; prefix sums give every block its place in
+// the mesh; a last pass fills the places. No table of shared vertices is needed: a crossed edge belongs to the
+// block of its lower voxel, and its number is its rank among the block's crossed edges.
 #include "export/marching_cubes.h"
 
 #include <algorithm>
@@ -21,8 +21,9 @@
 namespace nerfvdb {
 namespace {
 
-// Crossings keep this share of an edge away from its ends, so that no two vertices meet at a voxel: a thousandth
-// of a voxel, far below what a voxel resolves and above the rounding of float positions (see warnIfCoarse).
+// Crossings keep this share of an edge away from its ends, so that no two vertices meet at a voxel: a
+// thousandth of a voxel, far below what a voxel resolves and above the rounding of float positions (see
+// warnIfCoarse).
 constexpr float kOffCorner = 0x1p-10f;
 // Densities beyond this are no densities; below it, squares and sums of differences stay finite in float.
 constexpr float kAbsurdRaw = 1e15f;
@@ -106,8 +107,8 @@ private:
                 for (int y = 0; y < kCount[block[1]]; ++y) {
                     const int offset =
                         brickOffset(kFirst[block[0]] + x, kFirst[block[1]] + y, kFirst[block[2]]);
-                    float* row = &values_[(kPlace[block[0]] + x) * kStride[0] + (kPlace[block[1]] + y) * kStride[1] +
-                                          kPlace[block[2]]];
+                    float* row = &values_[(kPlace[block[0]] + x) * kStride[0] +
+                                          (kPlace[block[1]] + y) * kStride[1] + kPlace[block[2]]];
                     for (int z = 0; z < kCount[block[2]]; ++z)
                         if (testBit(active, offset + z)) row[z] = brick[offset + z];
                 }
@@ -122,9 +123,9 @@ private:
 };
 
 /// Answers for the ambiguous faces of a cell: bit i is set if the inside corners of the i-th are joined.
-/// On a face, the bilinear field has its saddle at (a c - b d) / (a + c - b - d), with a, c the inside corners and
-/// b, d the outside ones, relative to iso: they are joined if the saddle is inside. Products of two floats are
-/// exact in double, so both cells at a face give the same answer. Source: Nielson and Hamann 1991, section 3.
+/// On a face, the bilinear field has its saddle at (a c - b d) / (a + c - b - d), with a, c the inside corners
+/// and b, d the outside ones, relative to iso: they are joined if the saddle is inside. Products of two floats
+/// are exact in double, so both cells at a face give the same answer. Source: Nielson and Hamann 1991.
 unsigned joinedFaces(const CubeTable& table, unsigned faces, const float* corner, float iso) {
     unsigned answers = 0;
     int n = 0;
@@ -133,7 +134,9 @@ unsigned joinedFaces(const CubeTable& table, unsigned faces, const float* corner
         double value[4];
         for (int i = 0; i < 4; ++i) {
             const Vec3i step = offsetOf(table.face_corners[face][i]);
-            value[i] = corner[step.x() * BlockValues::kStride[0] + step.y() * BlockValues::kStride[1] + step.z()] - iso;
+            value[i] =
+                corner[step.x() * BlockValues::kStride[0] + step.y() * BlockValues::kStride[1] + step.z()] -
+                iso;
         }
         const double even = value[0] * value[2], odd = value[1] * value[3];
         const bool is_even_inside = value[0] >= 0;
@@ -148,17 +151,17 @@ void forEachCrossedCell(const CornerRows& rows, BlockValues& values, float iso, 
     const CubeTable& table = cubeTable();
     for (int x = 0; x < kLeafDim; ++x)
         for (int y = 0; y < kLeafDim; ++y) {
-            const unsigned row[4] = {rows.row(x, y), rows.row(x, y + 1), rows.row(x + 1, y), rows.row(x + 1, y + 1)};
+            const unsigned row[4] = {rows.row(x, y), rows.row(x, y + 1), rows.row(x + 1, y),
+                                     rows.row(x + 1, y + 1)};
             const unsigned any = row[0] | row[1] | row[2] | row[3], all = row[0] & row[1] & row[2] & row[3];
             forEachBit((any | any >> 1) & ~(all & all >> 1) & 0xff, [&](int z) {
                 // Bits z and z + 1 of a row are the corners (., ., 0) and (., ., 1) of the cell.
                 unsigned corners = 0;
                 for (int i = 0; i < 4; ++i) corners |= (row[i] >> z & 3) << (2 * i);
                 const CubePattern& pattern = table.patterns[corners];
-                const unsigned answers =
-                    pattern.ambiguous_faces
-                        ? joinedFaces(table, pattern.ambiguous_faces, values.at(x, y, z), iso)
-                        : 0;
+                const unsigned answers = pattern.ambiguous_faces ? joinedFaces(table, pattern.ambiguous_faces,
+                                                                               values.at(x, y, z), iso)
+                                                                 : 0;
                 visit(x, y, z, table.variants[pattern.first_variant + answers]);
             });
         }
@@ -283,7 +286,8 @@ private:
         constexpr std::size_t kMost = std::numeric_limits<std::int32_t>::max();
         if (n_vertices_ > kMost || n_triangles_ > kMost)
             throw NumericError("mesh", std::to_string(n_triangles_) + " triangles",
-                               "at most " + std::to_string(kMost), "choose a higher iso or mesh a part of the scene");
+                               "at most " + std::to_string(kMost),
+                               "choose a higher iso or mesh a part of the scene");
     }
 
     const Topology& topology_;
@@ -293,11 +297,12 @@ private:
     std::size_t n_vertices_ = 0, n_triangles_ = 0;
 };
 
-/// Slope of the raw density at a voxel along an axis, per voxel. `is_known_only`: differences with voxels that hold
-/// nothing are left out, because their kEmptyRaw says where the known region ends, not how the surface is turned.
+/// Slope of the raw density at a voxel along an axis, per voxel. `is_known_only`: differences with voxels that
+/// hold nothing are left out: their kEmptyRaw tells where the known region ends, not how the surface is turned.
 float slopeAt(const float* value, int axis, bool is_known_only) {
     const float below = value[-BlockValues::kStride[axis]], above = value[BlockValues::kStride[axis]];
-    const bool use_below = !is_known_only || below != kEmptyRaw, use_above = !is_known_only || above != kEmptyRaw;
+    const bool use_below = !is_known_only || below != kEmptyRaw;
+    const bool use_above = !is_known_only || above != kEmptyRaw;
     const float sum = (use_above ? above - *value : 0) + (use_below ? *value - below : 0);
     return use_above && use_below ? 0.5f * sum : sum;
 }
@@ -323,7 +328,7 @@ SurfacePoint crossingOf(BlockValues& values, int x, int y, int z, int axis, floa
     for (int a = 0; a < 3; ++a)
         slope[a] = is_border ? slopeAt(*low < *high ? high : low, a, false)
                              : (1 - t) * slopeAt(low, a, true) + t * slopeAt(high, a, true);
-    // The edge itself says which way is out; differences over two voxels can miss that on sheets one voxel thin.
+    // The edge itself says which way is out; differences over two voxels can miss that on thin sheets.
     const float along = *high - *low;
     if (slope[axis] * along <= 0) slope[axis] = along;
     point.normal = -slope.normalized();
@@ -341,8 +346,7 @@ public:
         numberCrossings();
         std::uint32_t centre = block_.first_vertex + block_.n_edges;
         std::uint32_t triangle = block_.first_triangle;
-        forEachCrossedCell(CornerRows(surface_, block_.leaf), values_, surface_.iso,
-                           [&](int x, int y, int z, const CubeTriangles& cube) {
+        const auto writeCell = [&](int x, int y, int z, const CubeTriangles& cube) {
             const auto number = [&](int edge) {
                 return edge == kCubeCentre ? centre : numbers_[edgePlace(edge) + x * 81 + y * 9 + z];
             };
@@ -351,7 +355,8 @@ public:
                 mesh_.triangles[triangle++] = Triangle(number(a), number(b), number(c));
             }
             if (cube.has_centre) writeCentre(centre++, x, y, z, cube);
-        });
+        };
+        forEachCrossedCell(CornerRows(surface_, block_.leaf), values_, surface_.iso, writeCell);
     }
 
 private:
@@ -370,13 +375,15 @@ private:
                 });
     }
 
-    /// Fills numbers_ with the vertices on the edges of the block's cells; the upper ones belong to its neighbours.
+    /// Fills numbers_ with the vertices on the edges of the block's cells; the upper ones belong to its
+    /// neighbours.
     void numberCrossings() {
         for (int corner = 0; corner < 8; ++corner) {
             const Vec3i step = offsetOf(corner);
             const Block* owner = corner == 0 ? &block_ : blocks_.find(block_.leaf + step);
             if (!owner) continue;
-            const std::uint64_t border = (step.y() ? 0xffull : ~0ull) & (step.z() ? 0x0101010101010101ull : ~0ull);
+            const std::uint64_t border =
+                (step.y() ? 0xffull : ~0ull) & (step.z() ? 0x0101010101010101ull : ~0ull);
             for (int axis = 0; axis < 3; ++axis) {
                 if (step[axis]) continue;  // starts at the far side and leads away
                 std::uint32_t* place = &numbers_[axis * 729 + 8 * (step.x() * 81 + step.y() * 9 + step.z())];
@@ -411,7 +418,8 @@ private:
         }
         mean.position /= static_cast<float>(n);
         const float length = mean.normal.norm();
-        mean.normal = length > 1e-3f ? Vec3f(mean.normal / length) : Vec3f::UnitZ();  // a saddle may have no side
+        mean.normal =
+            length > 1e-3f ? Vec3f(mean.normal / length) : Vec3f::UnitZ();  // a saddle may have no side
         writeVertex(number, mean);
     }
 
@@ -423,7 +431,9 @@ private:
     std::array<std::uint32_t, 3 * 729> numbers_;  // [axis][x][y][z], 9 a side; only crossed edges are filled
 };
 
-float rawFromSigma(double sigma, double density_scale) { return static_cast<float>(std::log(sigma / density_scale)); }
+float rawFromSigma(double sigma, double density_scale) {
+    return static_cast<float>(std::log(sigma / density_scale));
+}
 
 std::string text(double value) {
     char buffer[32];
@@ -435,8 +445,9 @@ void checkIso(double iso, float iso_raw, double density_scale) {
     if (!(iso > 0) || !std::isfinite(iso))
         throw UsageError("mesh: iso", text(iso), "a positive density in 1 / world unit");
     if (!(iso_raw > kEmptyRaw))
-        throw UsageError("mesh: iso", text(iso),
-                         "more than the density of an empty voxel, " + text(sigmaFromRaw(kEmptyRaw, density_scale)));
+        throw UsageError(
+            "mesh: iso", text(iso),
+            "more than the density of an empty voxel, " + text(sigmaFromRaw(kEmptyRaw, density_scale)));
 }
 
 /// Float positions far from the origin are too coarse for the distance that keeps vertices apart.
@@ -444,9 +455,9 @@ void warnIfCoarse(const VoxelField& field, Report& report) {
     const Box box = field.worldBox();
     const double largest = std::max(box.min.cwiseAbs().maxCoeff(), box.max.cwiseAbs().maxCoeff());
     if (largest * 0x1p-24 > kOffCorner * field.frame().voxel_size)
-        report.warn("mesh: coordinates up to " + text(largest) + " with voxels of " +
-                    text(field.frame().voxel_size) +
-                    " exceed what 32-bit floats tell apart; vertices may coincide. Move the scene to the origin");
+        report.warn(
+            "mesh: coordinates up to " + text(largest) + " with voxels of " + text(field.frame().voxel_size) +
+            " exceed what 32-bit floats tell apart; vertices may coincide. Move the scene to the origin");
 }
 
 }  // namespace
@@ -463,9 +474,10 @@ Mesh extractSurface(const Model& model, const MeshOptions& options, Report& repo
     const float largest_raw = markInside(surface);
     // The activation clamps: sigma never exceeds its value at kMaxRaw.
     if (surface.iso > std::min(largest_raw, kMaxRaw))
-        throw NumericError("mesh: iso", text(iso) + " per world unit",
-                           "at most the field's maximum, " + text(sigmaFromRaw(largest_raw, field.densityScale())),
-                           "choose a lower iso");
+        throw NumericError(
+            "mesh: iso", text(iso) + " per world unit",
+            "at most the field's maximum, " + text(sigmaFromRaw(largest_raw, field.densityScale())),
+            "choose a lower iso");
     report.info("mesh: surface at density " + text(iso) + " per world unit" +
                 (options.iso ? "" : " (half of the light stopped over one voxel)"));
     warnIfCoarse(field, report);

@@ -21,18 +21,20 @@ double automaticIso(const VoxelField& field);
 
 /// The iso-surface of the density, closed, with outward normals and diffuse colours.
 ///
-/// The surface is where the raw density, before its activation, crosses ln(iso / density_scale): the same surface
-/// as that of sigma, but raw values are what the field interpolates, so that crossings are exact. The field is
-/// taken on all of space: a voxel that is not active (Topology::voxels) holds kEmptyRaw. So the surface closes by
-/// itself at the border of what is known and at the box.
+/// The surface is where the raw density, before its activation, crosses ln(iso / density_scale): the same
+/// surface as that of sigma, but raw values are what the field interpolates, so that crossings are exact. The
+/// field is taken on all of space: a voxel that is not active (Topology::voxels) holds kEmptyRaw. So the
+/// surface closes by itself at the border of what is known and at the box.
 ///
-/// Holds: every edge has exactly two triangles, in opposite directions, and around every vertex the triangles form
+/// Holds: every edge has exactly two triangles, in opposite directions, and around every vertex the triangles
+/// form
 ///        one ring (closed, oriented, manifold); no triangle is degenerate; why: see marching_cubes_table.h.
 ///        Ambiguous faces follow the bilinear field on them (asymptotic decider); tunnels through the inside of
 ///        one cube are not made.
 /// Cost:  time and memory follow the active leaves; beyond the mesh itself, some 300 bytes per leaf.
 /// Threads: the mesh is the same, byte for byte, for any number of threads.
-/// Errors: UsageError (iso not positive or below that of an empty voxel), NumericError (empty field, iso above the
+/// Errors: UsageError (iso not positive or below that of an empty voxel), NumericError (empty field, iso above
+/// the
 ///        field's maximum, non-finite density, too many vertices), Interrupted.
 Mesh extractSurface(const Model& model, const MeshOptions& options, Report& report);
 

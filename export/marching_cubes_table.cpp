@@ -12,7 +12,7 @@
 namespace nerfvdb {
 namespace {
 
-constexpr int kAxisBit[3] = {4, 2, 1};  // step to the next corner along an axis
+constexpr int kAxisBit[3] = {4, 2, 1};   // step to the next corner along an axis
 using Loop = std::vector<std::uint8_t>;  // edges in order; what is inside lies behind, seen counter-clockwise
 
 std::array<CubeEdge, kCubeEdges> makeEdges() {
@@ -44,8 +44,8 @@ public:
         table.face_corners = makeFaces();
         for (int face = 0; face < 6; ++face)
             for (int i = 0; i < 4; ++i)
-                face_edges_[face][i] = edgeBetween(table.face_corners[face][i],
-                                                   table.face_corners[face][(i + 1) % 4]);
+                face_edges_[face][i] =
+                    edgeBetween(table.face_corners[face][i], table.face_corners[face][(i + 1) % 4]);
         for (int pattern = 0; pattern < 256; ++pattern) {
             CubePattern& entry = table.patterns[pattern];
             entry.first_variant = static_cast<std::uint16_t>(table.variants.size());
@@ -78,8 +78,8 @@ private:
     /// Walking around a face, side i *enters* when it leads from outside to inside and *leaves* when back. A
     /// segment runs from where the walk enters to where it leaves: around the inside corners if these are kept
     /// apart, or from one entry back to the exit before it, around an outside corner, if they are joined.
-    /// Neighbouring faces walk along their common edge in opposite directions, so one segment ends there and one
-    /// begins.
+    /// Neighbouring faces walk along their common edge in opposite directions, so one segment ends there and
+    /// one begins.
     std::vector<Loop> trace(int pattern, int answers) const {
         std::array<int, kCubeEdges> next;
         next.fill(-1);
@@ -109,7 +109,8 @@ private:
 
     bool shareFace(int edge_a, int edge_b) const {
         return std::any_of(face_edges_.begin(), face_edges_.end(), [&](const auto& edges) {
-            return std::count(edges.begin(), edges.end(), edge_a) && std::count(edges.begin(), edges.end(), edge_b);
+            return std::count(edges.begin(), edges.end(), edge_a) &&
+                   std::count(edges.begin(), edges.end(), edge_b);
         });
     }
 
@@ -128,14 +129,15 @@ private:
         };
         for (const Loop& loop : loops)
             if (!fillWithChords(loop, add)) {
-                for (std::size_t i = 0; i < loop.size(); ++i) add(loop[i], loop[(i + 1) % loop.size()], kCubeCentre);
+                for (std::size_t i = 0; i < loop.size(); ++i)
+                    add(loop[i], loop[(i + 1) % loop.size()], kCubeCentre);
                 result.has_centre = true;
             }
         return result;
     }
 
-    /// The triangulation of least area (crossings at the middle of their edges) among those without a chord in a
-    /// face of the cube; false if there is none. Dynamic programming over the sub-polygons i..j.
+    /// The triangulation of least area (crossings at the middle of their edges) among those without a chord in
+    /// a face of the cube; false if there is none. Dynamic programming over the sub-polygons i..j.
     template <typename Add>
     bool fillWithChords(const Loop& loop, const Add& add) const {
         constexpr double kNone = std::numeric_limits<double>::infinity();

@@ -2,8 +2,8 @@
 // How the surface runs through one cube whose corners are inside or outside: a list of triangles for each of
 // the 256 sign patterns and each answer to its ambiguous faces. The table is derived by code, not typed.
 //
-// Numbering: corner (x, y, z) of the cube is x * 4 + y * 2 + z. Edge axis * 4 + k runs along `axis` from its low
-// corner; k counts the low corners of that axis in rising order. Face axis * 2 + side lies across `axis`.
+// Numbering: corner (x, y, z) of the cube is x * 4 + y * 2 + z. Edge axis * 4 + k runs along `axis` from its
+// low corner; k counts the low corners of that axis in rising order. Face axis * 2 + side lies across `axis`.
 //
 // Sources: Lorensen and Cline 1987, "Marching cubes: a high resolution 3D surface construction algorithm";
 // Nielson and Hamann 1991, "The asymptotic decider: resolving the ambiguity in marching cubes".
@@ -16,16 +16,16 @@
 namespace nerfvdb {
 
 struct CubeEdge {
-    int axis;        // 0, 1, 2: x, y, z
-    int x, y, z;     // low corner
+    int axis;     // 0, 1, 2: x, y, z
+    int x, y, z;  // low corner
 };
 
 inline constexpr int kCubeEdges = 12;
-inline constexpr int kCubeCentre = 12;        // corner of a triangle that is no edge: a vertex inside the cube
+inline constexpr int kCubeCentre = 12;  // corner of a triangle that is no edge: a vertex inside the cube
 inline constexpr int kMostCubeTriangles = 12;
 
-/// Triangles name edges of the cube (0..11), whose crossings they connect, or kCubeCentre, always last of three.
-/// At most one loop of a cube needs a centre: the triangles that name it are the fan around that loop.
+/// Triangles name edges of the cube (0..11), whose crossings they connect, or kCubeCentre, always last of
+/// three. At most one loop of a cube needs a centre: the triangles that name it are the fan around that loop.
 struct CubeTriangles {
     std::uint8_t count = 0;
     bool has_centre = false;

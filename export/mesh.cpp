@@ -20,7 +20,8 @@ void checkIndices(const Mesh& mesh) {
                             "a number below " + std::to_string(mesh.positions.size()));
 }
 
-/// Every side of every triangle, in a bucket by its lower vertex: 2 * (upper vertex) + (1 if it runs downwards).
+/// Every side of every triangle, in a bucket by its lower vertex: 2 * (upper vertex) + (1 if it runs
+/// downwards).
 struct Sides {
     std::vector<std::size_t> bucket_begin;  // [vertices + 1]
     std::vector<std::uint64_t> ends;        // [3 * triangles]

@@ -30,7 +30,7 @@ struct MeshMeasures {
     std::size_t pieces = 0;            // sets of triangles joined by vertices; unused vertices do not count
     std::int64_t euler = 0;            // used vertices - edges + faces; 2 for each closed piece without holes
     double area = 0;                   // world units squared
-    double volume = 0;                 // world units cubed; positive when the normals of a closed mesh point out
+    double volume = 0;  // world units cubed; positive when the normals of a closed mesh point out
 
     bool closed() const { return open_edges == 0 && bad_edges == 0; }
 };

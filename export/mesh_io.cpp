@@ -59,7 +59,8 @@ private:
     }
     void check() const {
         if (!stream_)
-            throw IoError(path_.string() + ": cannot be written to the end; is the disk full, or the folder protected?");
+            throw IoError(path_.string() +
+                          ": cannot be written to the end; is the disk full, or the folder protected?");
     }
 
     std::filesystem::path path_;
@@ -83,7 +84,8 @@ void checkMesh(const Mesh& mesh) {
     check(mesh.colours.size(), "colours");
     constexpr std::size_t kMost = std::numeric_limits<std::int32_t>::max();
     if (mesh.positions.size() > kMost || mesh.triangles.size() > kMost)
-        throw DataError("mesh", std::to_string(mesh.positions.size()) + " vertices", "at most " + std::to_string(kMost));
+        throw DataError("mesh", std::to_string(mesh.positions.size()) + " vertices",
+                        "at most " + std::to_string(kMost));
     for (const Triangle& t : mesh.triangles)
         if (t.maxCoeff() >= mesh.positions.size())
             throw DataError("mesh: triangle", "vertex " + std::to_string(t.maxCoeff()),
@@ -97,7 +99,8 @@ void writePly(Output& out, const Mesh& mesh) {
     if (!mesh.normals.empty())
         for (const char* name : {"nx", "ny", "nz"}) out.text(std::string("property float ") + name + "\n");
     if (!mesh.colours.empty())
-        for (const char* name : {"red", "green", "blue"}) out.text(std::string("property uchar ") + name + "\n");
+        for (const char* name : {"red", "green", "blue"})
+            out.text(std::string("property uchar ") + name + "\n");
     out.text("element face " + std::to_string(mesh.triangles.size()) + "\n");
     out.text("property list uchar int vertex_indices\nend_header\n");
 
@@ -157,7 +160,8 @@ struct PlyHeader {
 std::size_t sizeOfType(const std::string& type) {
     if (type == "char" || type == "uchar" || type == "int8" || type == "uint8") return 1;
     if (type == "short" || type == "ushort" || type == "int16" || type == "uint16") return 2;
-    if (type == "int" || type == "uint" || type == "float" || type == "int32" || type == "uint32" || type == "float32")
+    if (type == "int" || type == "uint" || type == "float" || type == "int32" || type == "uint32" ||
+        type == "float32")
         return 4;
     return type == "double" || type == "float64" ? 8 : 0;
 }
@@ -183,7 +187,8 @@ PlyHeader parseHeader(const std::string& where, const std::string& bytes) {
             std::size_t count = 0;
             words >> element >> count;
             if (!words || (element != "vertex" && element != "face"))
-                throw DataError(where + ": header", "\"" + line + "\"", "\"element vertex N\" or \"element face N\"");
+                throw DataError(where + ": header", "\"" + line + "\"",
+                                "\"element vertex N\" or \"element face N\"");
             (element == "vertex" ? header.n_vertices : header.n_faces) = count;
         } else if (word == "property" && element == "vertex") {
             PlyProperty property;
@@ -195,19 +200,22 @@ PlyHeader parseHeader(const std::string& where, const std::string& bytes) {
             std::string count_type, index_type;
             words >> type >> count_type >> index_type;
             if (type != "list" || sizeOfType(count_type) != 1 || sizeOfType(index_type) != 4)
-                throw DataError(where + ": header", "\"" + line + "\"", "\"property list uchar int vertex_indices\"");
+                throw DataError(where + ": header", "\"" + line + "\"",
+                                "\"property list uchar int vertex_indices\"");
         }
     }
     return header;
 }
 
 /// Byte offset in a vertex of three properties in a row of the given type, or -1 if they are not there.
-std::ptrdiff_t offsetOf(const PlyHeader& header, std::size_t type_size, const std::array<const char*, 3>& names) {
+std::ptrdiff_t offsetOf(const PlyHeader& header, std::size_t type_size,
+                        const std::array<const char*, 3>& names) {
     std::ptrdiff_t offset = 0;
     for (std::size_t i = 0; i + 2 < header.vertex.size(); ++i) {
         bool is_match = true;
         for (std::size_t k = 0; k < 3; ++k)
-            is_match &= header.vertex[i + k].name == names[k] && sizeOfType(header.vertex[i + k].type) == type_size;
+            is_match &=
+                header.vertex[i + k].name == names[k] && sizeOfType(header.vertex[i + k].type) == type_size;
         if (is_match) return offset;
         offset += static_cast<std::ptrdiff_t>(sizeOfType(header.vertex[i].type));
     }
@@ -251,7 +259,8 @@ Mesh readPly(const std::filesystem::path& path) {
         (body - header.n_vertices * vertex_size) % kFaceSize != 0)
         throw DataError(where, std::to_string(body) + " bytes after the header",
                         std::to_string(header.n_vertices) + " vertices and " + std::to_string(header.n_faces) +
-                            " triangles", "the file is truncated or its faces are not triangles");
+                            " triangles",
+                        "the file is truncated or its faces are not triangles");
     const std::ptrdiff_t position = offsetOf(header, 4, {"x", "y", "z"});
     const std::ptrdiff_t normal = offsetOf(header, 4, {"nx", "ny", "nz"});
     const std::ptrdiff_t colour = offsetOf(header, 1, {"red", "green", "blue"});
@@ -269,7 +278,8 @@ Mesh readPly(const std::filesystem::path& path) {
         if (colour >= 0) std::memcpy(mesh.colours[v].data(), from + colour, 3);
     }
     for (Triangle& triangle : mesh.triangles) {
-        if (*from != 3) throw DataError(where, "a face of " + std::to_string(int{*from}) + " corners", "triangles");
+        if (*from != 3)
+            throw DataError(where, "a face of " + std::to_string(int{*from}) + " corners", "triangles");
         std::memcpy(triangle.data(), from + 1, 12);
         if (triangle.maxCoeff() >= header.n_vertices)
             throw DataError(where, "vertex " + std::to_string(triangle.maxCoeff()) + " in a face",

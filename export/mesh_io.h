@@ -8,11 +8,14 @@
 
 namespace nerfvdb {
 
-/// Writes by extension, upper or lower case: .ply or .obj. Written to a temporary beside the target and renamed.
+/// Writes by extension, upper or lower case: .ply or .obj. Written to a temporary beside the target and
+/// renamed.
 ///
-/// .ply: binary little-endian; vertex: float x y z [nx ny nz], uchar [red green blue] (sRGB); face: list of three
+/// .ply: binary little-endian; vertex: float x y z [nx ny nz], uchar [red green blue] (sRGB); face: list of
+/// three
 ///       int32 vertex_indices behind a uchar count.
-/// .obj: `v x y z [r g b]` (sRGB in [0, 1]), `vn` per vertex, `f a//a b//b c//c` counted from 1. Numbers are the
+/// .obj: `v x y z [r g b]` (sRGB in [0, 1]), `vn` per vertex, `f a//a b//b c//c` counted from 1. Numbers are
+/// the
 ///       shortest that read back as the same float.
 /// Parts in brackets are there when the mesh has normals or colours.
 /// Throws UsageError for another extension (see checkMeshPath), IoError when it cannot be written to the end (a
@@ -22,8 +25,9 @@ void writeMesh(const std::filesystem::path& path, const Mesh& mesh);
 /// Throws the UsageError of writeMesh: call it before long work.
 void checkMeshPath(const std::filesystem::path& path);
 
-/// Reads a binary little-endian PLY of triangles, such as writeMesh makes; vertex properties that Mesh does not know
-/// are skipped. Throws IoError, or DataError for another format, a truncated file, a face that is no triangle.
+/// Reads a binary little-endian PLY of triangles, such as writeMesh makes; vertex properties that Mesh does not
+/// know are skipped. Throws IoError, or DataError for another format, a truncated file, a face that is no
+/// triangle.
 Mesh readPly(const std::filesystem::path& path);
 
 }  // namespace nerfvdb

@@ -16,7 +16,8 @@ float addFeatures(const VoxelField& field, const Vec3i& voxel, float weight, flo
     const int offset = brickOffset(voxel.x() & 7, voxel.y() & 7, voxel.z() & 7);
     if (leaf < 0 || !testBit(field.topology().voxels()[leaf], offset)) return 0;
     const std::size_t channels = field.channels();
-    const float* features = &field.features()[(static_cast<std::size_t>(leaf) * kLeafVoxels + offset) * channels];
+    const float* features =
+        &field.features()[(static_cast<std::size_t>(leaf) * kLeafVoxels + offset) * channels];
     for (std::size_t c = 0; c < channels; ++c) sum[c] += weight * features[c];
     return weight;
 }

@@ -57,11 +57,11 @@ int countPieces(const CubeTable& table, int pattern, unsigned answers) {
 TEST_CASE("a face is ambiguous exactly where its corners alternate", "[export]") {
     const CubeTable& table = cubeTable();
     CHECK(table.patterns[0].ambiguous_faces == 0);
-    CHECK(table.patterns[1 << 0 | 1 << 7].ambiguous_faces == 0);    // opposite corners of the cube
+    CHECK(table.patterns[1 << 0 | 1 << 7].ambiguous_faces == 0);                 // opposite corners of the cube
     CHECK(std::popcount(table.patterns[1 << 0 | 1 << 3].ambiguous_faces) == 1);  // (0,0,0), (0,1,1): face x = 0
     CHECK(table.patterns[1 << 0 | 1 << 3].ambiguous_faces == 1);
     CHECK(table.patterns[0b01101001].ambiguous_faces == 0b111111);  // checkerboard
-    CHECK(table.variants.size() == 656);  // sum over patterns of 2^(ambiguous faces)
+    CHECK(table.variants.size() == 656);                            // sum over patterns of 2^(ambiguous faces)
 }
 
 TEST_CASE("every variant of every cube is a set of discs that end on the cube's faces", "[export]") {

@@ -47,10 +47,12 @@ bool isVertexManifold(const Mesh& mesh) {
     std::vector<Link> links;
     for (const Triangle& t : mesh.triangles)
         for (int k = 0; k < 3; ++k) links.push_back({t[k], t[(k + 1) % 3], t[(k + 2) % 3]});
-    std::sort(links.begin(), links.end(),
-              [](const Link& a, const Link& b) { return std::tie(a.vertex, a.from) < std::tie(b.vertex, b.from); });
+    std::sort(links.begin(), links.end(), [](const Link& a, const Link& b) {
+        return std::tie(a.vertex, a.from) < std::tie(b.vertex, b.from);
+    });
     for (auto begin = links.begin(); begin != links.end();) {
-        const auto end = std::find_if(begin, links.end(), [&](const Link& l) { return l.vertex != begin->vertex; });
+        const auto end =
+            std::find_if(begin, links.end(), [&](const Link& l) { return l.vertex != begin->vertex; });
         std::uint32_t at = begin->from;
         std::ptrdiff_t n = 0;
         do {
@@ -83,8 +85,8 @@ bool sameBytes(const Mesh& a, const Mesh& b) {
 }
 
 /// Euler characteristic of the iso-surface at raw 0, from the field alone: crossed edges, minus segments on
-/// faces, plus one disc per loop on each cube. A cube's loops are the borders between the pieces of its surface:
-/// corners hang together along edges, and across an ambiguous face as its saddle says.
+/// faces, plus one disc per loop on each cube. A cube's loops are the borders between the pieces of its
+/// surface: corners hang together along edges, and across an ambiguous face as its saddle says.
 std::int64_t eulerOfField(const VoxelField& field, const Vec3i& low, const Vec3i& high) {
     std::int64_t n_edges = 0, n_segments = 0, n_loops = 0;
     for (int x = low.x(); x < high.x(); ++x)
@@ -105,8 +107,10 @@ std::int64_t eulerOfField(const VoxelField& field, const Vec3i& low, const Vec3i
                 for (int c = 0; c < 8; ++c)
                     for (const int step : {4, 2, 1}) {
                         if (c & step) continue;
-                        if (isInside(c) == isInside(c + step)) join(c, c + step);
-                        else is_mixed = true;
+                        if (isInside(c) == isInside(c + step))
+                            join(c, c + step);
+                        else
+                            is_mixed = true;
                     }
                 for (const int step : {4, 2, 1}) {
                     n_edges += isInside(0) != isInside(step);
@@ -118,10 +122,11 @@ std::int64_t eulerOfField(const VoxelField& field, const Vec3i& low, const Vec3i
                         if (base == 0) n_segments += is_ambiguous ? 2 : n_inside % 4 != 0;
                         if (!is_ambiguous) continue;
                         // The saddle's value has the sign of (a c - b d) / (a + c - b - d).
-                        const double saddle =
-                            (at(a) * at(c) - at(b) * at(d)) / (at(a) + at(c) - at(b) - at(d));
-                        if (isInside(a) == (saddle >= 0)) join(a, c);
-                        else join(b, d);
+                        const double saddle = (at(a) * at(c) - at(b) * at(d)) / (at(a) + at(c) - at(b) - at(d));
+                        if (isInside(a) == (saddle >= 0))
+                            join(a, c);
+                        else
+                            join(b, d);
                     }
                 }
                 if (is_mixed) n_loops += std::set<int>(piece.begin(), piece.end()).size() - 1;
@@ -162,8 +167,8 @@ TEST_CASE("one cell with any signs and any values gives a closed oriented manifo
     Dice dice{1};
     // The cell (7, 7, 7) has its corners in eight leaves; the others are one leaf's inner cell.
     for (const Vec3i& cell : {Vec3i(3, 3, 3), Vec3i(7, 7, 7)}) {
-        Model model = modelOf(makeTopology(Vec3i(16, 16, 16), cell, cell + Vec3i::Ones(),
-                                           [](const Vec3i&) { return true; }));
+        Model model = modelOf(
+            makeTopology(Vec3i(16, 16, 16), cell, cell + Vec3i::Ones(), [](const Vec3i&) { return true; }));
         for (int pattern = 1; pattern < 256; ++pattern)
             for (int round = 0; round < 4; ++round) {
                 setDensity(model.field, [&](const Vec3i& ijk) {
@@ -180,7 +185,8 @@ TEST_CASE("one cell with any signs and any values gives a closed oriented manifo
     }
 }
 
-TEST_CASE("thousands of random sparse fields give closed oriented manifolds of the right topology", "[export]") {
+TEST_CASE("thousands of random sparse fields give closed oriented manifolds of the right topology",
+          "[export]") {
     std::size_t n_meshes = 0, n_triangles = 0;
     for (std::uint64_t seed = 0; seed < 2400; ++seed) {
         Dice dice{seed};
@@ -203,7 +209,8 @@ TEST_CASE("thousands of random sparse fields give closed oriented manifolds of t
         const Mesh mesh = extract(model);
         INFO("seed " << seed);
         REQUIRE(complaint(mesh) == "");
-        REQUIRE(measureMesh(mesh).euler == eulerOfField(model.field, low - Vec3i::Ones(), high + Vec3i::Ones()));
+        REQUIRE(measureMesh(mesh).euler ==
+                eulerOfField(model.field, low - Vec3i::Ones(), high + Vec3i::Ones()));
         ++n_meshes;
         n_triangles += mesh.triangles.size();
     }
@@ -220,8 +227,8 @@ TEST_CASE("surfaces close at the border of the box and at that of the known regi
         CHECK(measureMesh(mesh).pieces == 1);
     }
     // A full block of leaf (0, 0, 0) to (1, 1, 1): only the border of what is known makes the surface.
-    Model model = modelOf(makeTopology(Vec3i(16, 16, 16), Vec3i(0, 0, 0), Vec3i(15, 15, 15),
-                                       [](const Vec3i&) { return true; }));
+    Model model = modelOf(
+        makeTopology(Vec3i(16, 16, 16), Vec3i(0, 0, 0), Vec3i(15, 15, 15), [](const Vec3i&) { return true; }));
     setDensity(model.field, [](const Vec3i&) { return 5.0f; });
     const Mesh mesh = extract(model);
     CHECK(complaint(mesh) == "");
@@ -270,8 +277,8 @@ TEST_CASE("a sphere has its radius, its normals, and second-order convergence", 
         const double volume = 4.0 / 3 * 3.14159265 * radius * radius * radius;
         CHECK(m.volume == Approx(volume).epsilon(3 * 1.5 * 1.5 * voxel * voxel / (8 * radius * radius)));
     }
-    // Linear interpolation of a distance errs by h^2 / (8 r) at most: a quarter for half the voxel. The worst vertex
-    // depends on how the grid lies, hence 3.5.
+    // Linear interpolation of a distance errs by h^2 / (8 r) at most: a quarter for half the voxel. The worst
+    // vertex depends on how the grid lies, hence 3.5.
     CHECK(error[0] / error[1] > 3.5);
     CHECK(error[1] / error[2] > 3.5);
 }
@@ -280,9 +287,9 @@ TEST_CASE("crossings of a linear field are exact, in world units, for a given is
     // raw = x - 6.25 falls through ln(iso / density_scale) at x = 6.25 + that, rising to the right.
     Model model;
     const GridFrame frame{Vec3d(-3, 5, 100), 0.5};
-    model.field = VoxelField(makeTopology(Vec3i(16, 16, 16), Vec3i(0, 0, 0), Vec3i(15, 15, 15),
-                                          [](const Vec3i&) { return true; }),
-                             frame, 0, 40.0);
+    model.field = VoxelField(
+        makeTopology(Vec3i(16, 16, 16), Vec3i(0, 0, 0), Vec3i(15, 15, 15), [](const Vec3i&) { return true; }),
+        frame, 0, 40.0);
     setDensity(model.field, [](const Vec3i& ijk) { return ijk.x() - 6.25f; });
     const double iso = 40 * std::exp(2.125);
     const Mesh mesh = extract(model, {.iso = iso, .colours = false});
@@ -301,13 +308,14 @@ TEST_CASE("crossings of a linear field are exact, in world units, for a given is
 TEST_CASE("vertices take the diffuse colour of the features between their voxels", "[export]") {
     Model model;
     constexpr int kChannels = 4;
-    model.field = VoxelField(makeTopology(Vec3i(16, 16, 16), Vec3i(2, 2, 2), Vec3i(13, 13, 13),
-                                          [](const Vec3i&) { return true; }),
-                             {}, kChannels, 1.0);
+    model.field = VoxelField(
+        makeTopology(Vec3i(16, 16, 16), Vec3i(2, 2, 2), Vec3i(13, 13, 13), [](const Vec3i&) { return true; }),
+        {}, kChannels, 1.0);
     model.decoder = Decoder(kChannels, 7);
     const auto feature = [](const Vec3d& p, int c) { return static_cast<float>(0.3 * p[c % 3] - 2 + 0.1 * c); };
     forEachVoxel(model.field.topology(), [&](const Vec3i& ijk, std::size_t index) {
-        model.field.density()[index] = static_cast<float>(4.3 - (ijk.cast<double>() - Vec3d(7.5, 7.4, 7.6)).norm());
+        model.field.density()[index] =
+            static_cast<float>(4.3 - (ijk.cast<double>() - Vec3d(7.5, 7.4, 7.6)).norm());
         for (int c = 0; c < kChannels; ++c)
             model.field.features()[index * kChannels + c] = feature(ijk.cast<double>(), c);
     });
@@ -336,7 +344,8 @@ TEST_CASE("what cannot be meshed is said", "[export]") {
                       Catch::Contains("maximum, 2981") && Catch::Contains("1e+06"));  // exp(2 * 4) = 2981
     for (const double iso : {0.0, -1.0, 1e-12, std::nan(""), HUGE_VAL})
         CHECK_THROWS_AS(extract(model, {.iso = iso, .colours = false}), UsageError);
-    model.field.density()[static_cast<std::size_t>(model.field.topology().findLeaf(Vec3i(1, 1, 1))) * kLeafVoxels] =
+    model.field
+        .density()[static_cast<std::size_t>(model.field.topology().findLeaf(Vec3i(1, 1, 1))) * kLeafVoxels] =
         std::nanf("");
     CHECK_THROWS_AS(extract(model), NumericError);
 

@@ -21,7 +21,8 @@ Mesh smallMesh() {
     Mesh mesh;
     mesh.positions = {{0.1f, -2, 3e-7f}, {1, 0, 0}, {0, 1.0f / 3, 0}, {1e6f, 0, 1}};
     mesh.normals = {{0, 0, 1}, {0, 1, 0}, {1, 0, 0}, {0.6f, 0, -0.8f}};
-    mesh.colours = {{0, 1, 2}, {255, 254, 253}, {10, 13, 26}, {128, 0, 255}};  // 10, 13, 26: as text they would hurt
+    mesh.colours = {
+        {0, 1, 2}, {255, 254, 253}, {10, 13, 26}, {128, 0, 255}};  // 10, 13, 26: as text they would hurt
     mesh.triangles = {{0, 1, 2}, {3, 2, 1}};
     return mesh;
 }

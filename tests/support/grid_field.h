@@ -39,7 +39,8 @@ void forEachVoxel(const Topology& topology, const Visit& visit) {
 
 template <typename Raw>
 void setDensity(VoxelField& field, const Raw& raw) {
-    forEachVoxel(field.topology(), [&](const Vec3i& ijk, std::size_t index) { field.density()[index] = raw(ijk); });
+    forEachVoxel(field.topology(),
+                 [&](const Vec3i& ijk, std::size_t index) { field.density()[index] = raw(ijk); });
 }
 
 /// Raw density of the field on all of Z^3: kEmptyRaw where no voxel is active.
