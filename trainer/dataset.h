@@ -14,7 +14,7 @@
 
 namespace nerfvdb {
 
-/// One frame: where it was taken and what it shows. `photo` is empty until loadPhotos.
+/// One frame: where it was taken and what it shows. `photo` is empty unless photos were asked for.
 struct View {
     Camera camera;
     std::filesystem::path path;
@@ -28,7 +28,7 @@ enum class Split { train, val, test };
 struct Dataset {
     std::filesystem::path root;           // as the user named it
     std::vector<View> views;
-    bool has_alpha = false;               // any photo or source says so
+    bool has_alpha = false;               // any photo says so; known once they are loaded
     std::optional<double> aabb_scale;     // as in the file (instant-ngp); see sceneBoxFromAabbScale
     std::vector<std::string> warnings;    // for a person, also sent to the Report
 };
@@ -40,7 +40,8 @@ struct DatasetOptions {
 
 /// Reads a split of a data set: a folder with transforms_{train,val,test}.json (NeRF-synthetic), a folder with
 /// transforms.json, or such a JSON file itself. An absent val split falls back to test, with a warning.
-/// Throws DataError / IoError naming file and field.
+/// Throws DataError / IoError naming file and field, Interrupted when the report is cancelled between photos.
+/// What is wrong does not depend on threads: of several bad photos the first is named.
 Dataset readDataset(const std::filesystem::path& path, Split split, const DatasetOptions& options, Report& report);
 
 /// instant-ngp's box: its unit cube is 1 / 0.33 world units wide and aabb_scale multiplies it, centred at 0.

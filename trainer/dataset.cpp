@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/dataset.h"
+
+#include <algorithm>
+#include <exception>
+
+#include "core/error.h"
+#include "core/parallel.h"
+#include "trainer/read_transforms.h"
+
+namespace nerfvdb {
+namespace {
+
+constexpr double kInstantNgpScale = 0.33;  // its unit cube is the world scaled by this, about (0.5, 0.5, 0.5)
+
+/// Cameras that all stand in one point see no depth: nothing could be learned, and the error would be obscure.
+void checkPositionsDiffer(const Dataset& dataset) {
+    if (dataset.views.size() < 2) return;
+    const Vec3d first = dataset.views[0].camera.position;
+    double spread = 0, magnitude = 0;
+    for (const View& view : dataset.views) {
+        spread = std::max(spread, (view.camera.position - first).norm());
+        magnitude = std::max(magnitude, view.camera.position.norm());
+    }
+    // Poses are printed with six digits or more: a smaller spread is rounding.
+    if (spread <= 1e-6 * magnitude)
+        throw DataError(dataset.root.string() + ": transform_matrix",
+                        "all " + std::to_string(dataset.views.size()) + " cameras in one point",
+                        "cameras that look from different places", "check the poses' last column");
+}
+
+/// Decodes in blocks, in parallel: between blocks the caller hears how far it is and may stop it. An exception
+/// must not leave a parallel loop (which of several would win is chance): each is kept, the first is thrown.
+void loadPhotos(Dataset& dataset, Report& report) {
+    const std::size_t n = dataset.views.size();
+    const std::size_t block = 8 * static_cast<std::size_t>(threadCount());
+    report.begin("read images", static_cast<std::int64_t>(n));
+    for (std::size_t begin = 0; begin < n; begin += block) {
+        if (report.cancelled()) throw Interrupted("reading images was stopped");
+        const std::size_t end = std::min(begin + block, n);
+        std::vector<std::exception_ptr> errors(end - begin);
+        parallelFor(end - begin, [&](std::size_t i) {
+            View& view = dataset.views[begin + i];
+            try {
+                view.photo = readPhoto(view.path);
+            } catch (...) {
+                errors[i] = std::current_exception();
+            }
+        });
+        for (const std::exception_ptr& error : errors)
+            if (error) std::rethrow_exception(error);
+        report.update(static_cast<std::int64_t>(end), "");
+    }
+    report.end();
+    dataset.has_alpha = std::any_of(dataset.views.begin(), dataset.views.end(),
+                                    [](const View& view) { return view.photo.has_alpha; });
+}
+
+}  // namespace
+
+Dataset readDataset(const std::filesystem::path& path, Split split, const DatasetOptions& options,
+                    Report& report) {
+    Dataset dataset = readTransforms(path, split, options.strict);
+    for (const std::string& warning : dataset.warnings) report.warn(warning);
+    if (split == Split::train) checkPositionsDiffer(dataset);
+    if (options.load_photos) loadPhotos(dataset, report);
+    return dataset;
+}
+
+Box sceneBoxFromAabbScale(double aabb_scale) {
+    const Vec3d half = Vec3d::Constant(0.5 * aabb_scale / kInstantNgpScale);
+    return {-half, half};
+}
+
+}  // namespace nerfvdb

@@ -1,0 +1,298 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/read_transforms.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "core/error.h"
+#include "trainer/json_node.h"
+
+namespace nerfvdb {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kHoldOutEvery = 8;  // of a file without splits, frames 0, 8, 16, ... are for testing
+
+const char* nameOf(Split split) {
+    switch (split) {
+        case Split::train:
+            return "train";
+        case Split::val:
+            return "val";
+        case Split::test:
+            return "test";
+    }
+    return "";
+}
+
+fs::path splitFile(const fs::path& folder, Split split) {
+    return folder / (std::string("transforms_") + nameOf(split) + ".json");
+}
+
+/// The JSON file that a split comes from. A folder with split files has one per split.
+struct Source {
+    fs::path file;
+    bool is_split_file = false;
+};
+
+Source findSource(const fs::path& path, Split split, std::vector<std::string>& warnings) {
+    if (!fs::exists(path))
+        throw IoError(path.string(), "no such file or folder", "a data set", "check the name");
+    if (!fs::is_directory(path)) return {path, false};
+    if (fs::exists(splitFile(path, split))) return {splitFile(path, split), true};
+    if (split == Split::val && fs::exists(splitFile(path, Split::test))) {
+        warnings.push_back(path.string() + ": no transforms_val.json; the test split serves instead");
+        return {splitFile(path, Split::test), true};
+    }
+    if (fs::exists(path / "transforms.json")) return {path / "transforms.json", false};
+
+    std::string present;
+    for (const Split other : {Split::train, Split::val, Split::test})
+        if (fs::exists(splitFile(path, other)))
+            present += std::string(present.empty() ? "" : ", ") + nameOf(other);
+    if (present.empty())
+        throw DataError(path.string(), "no transforms.json and no transforms_train.json", "one of them",
+                        "name the folder that holds it");
+    throw DataError(path.string(), "no " + std::string(nameOf(split)) + " split (only " + present + ")",
+                    "transforms_" + std::string(nameOf(split)) + ".json", "choose another split");
+}
+
+/// One entry of "frames", and the image that belongs to it if there is one.
+struct Frame {
+    std::size_t index = 0;  // in the file
+    std::string file_path;  // as written there
+    fs::path image;
+    bool has_image = false;
+};
+
+/// The named file, or the same with an extension that the JSON left out.
+Frame findImage(const JsonNode& frame, std::size_t index, const fs::path& folder) {
+    const JsonNode node = frame.at("file_path");
+    const std::string file_path = node.text();
+    const fs::path relative = fs::path(file_path).lexically_normal();
+    if (relative.empty() || relative.is_absolute() || *relative.begin() == "..")
+        node.fail("'" + file_path + "'", "a path inside the data folder");
+
+    for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".exr", ".PNG", ".JPG", ".JPEG", ".EXR"}) {
+        fs::path image = folder / relative;
+        image += extension;
+        if (fs::is_regular_file(image)) return {index, file_path, image, true};
+    }
+    fs::path expected = folder / relative;
+    if (!expected.has_extension()) expected += ".png";
+    return {index, file_path, expected, false};
+}
+
+/// The frames that a list such as nerfstudio's "train_filenames" names.
+std::vector<Frame> selectNamed(const std::vector<Frame>& frames, const JsonNode& names) {
+    std::set<std::string> wanted;
+    for (std::size_t i = 0; i < names.arraySize(); ++i) wanted.insert(names.at(i).text());
+    std::vector<Frame> selected;
+    std::copy_if(frames.begin(), frames.end(), std::back_inserter(selected),
+                 [&](const Frame& frame) { return wanted.count(frame.file_path) > 0; });
+    return selected;
+}
+
+std::vector<Frame> selectSplit(const std::vector<Frame>& frames, const JsonNode& document, Split split,
+                               std::vector<std::string>& warnings, const fs::path& file) {
+    const bool has_lists = document.has("train_filenames") || document.has("test_filenames");
+    if (has_lists) {
+        std::string key = std::string(nameOf(split)) + "_filenames";
+        if (split == Split::val && !document.has(key.c_str())) {
+            warnings.push_back(file.string() + ": no val_filenames; the test split serves instead");
+            key = "test_filenames";
+        }
+        return selectNamed(frames, document.at(key.c_str()));
+    }
+    std::vector<Frame> selected;
+    for (std::size_t i = 0; i < frames.size(); ++i)
+        if ((i % kHoldOutEvery == 0) == (split != Split::train)) selected.push_back(frames[i]);
+    return selected;
+}
+
+/// What a file or a frame says about the lens; a frame's words go over the file's.
+struct Lens {
+    std::optional<double> w, h, fl_x, fl_y, cx, cy, angle_x, angle_y;
+    Distortion distortion;
+};
+
+void checkLensModel(const JsonNode& node) {
+    if (node.has("camera_model")) {
+        const std::string model = node.at("camera_model").text();
+        static const std::set<std::string> kSupported{"OPENCV",        "PINHOLE", "SIMPLE_PINHOLE",
+                                                      "SIMPLE_RADIAL", "RADIAL",  "PERSPECTIVE"};
+        if (kSupported.count(model) == 0)
+            node.at("camera_model").fail("'" + model + "'", "OPENCV or PINHOLE", "undistort the images first");
+    }
+    if (node.has("is_fisheye") && node.at("is_fisheye").isTrue())
+        node.at("is_fisheye").fail("true", "a perspective camera", "undistort the images first");
+    for (const char* key : {"k4", "k5", "k6"})
+        if (node.has(key) && node.at(key).number() != 0)
+            node.at(key).fail(std::to_string(node.at(key).number()), "0: k1 k2 k3 p1 p2 are supported",
+                              "undistort the images first");
+}
+
+Lens readLens(const JsonNode& node, Lens lens) {
+    checkLensModel(node);
+    const auto read = [&](const char* key, std::optional<double>& value) {
+        if (node.has(key)) value = node.at(key).number();
+    };
+    const auto readPositive = [&](const char* key, std::optional<double>& value) {
+        if (node.has(key)) value = node.at(key).positiveNumber();
+    };
+    const auto readAngle = [&](const char* key, std::optional<double>& value, std::optional<double>& focal) {
+        if (!node.has(key)) return;
+        value = node.at(key).positiveNumber();
+        if (*value >= M_PI) node.at(key).fail(std::to_string(*value), "an angle below pi, in radians");
+        focal.reset();  // a frame's angle also overrides the file's focal length
+    };
+    readAngle("camera_angle_x", lens.angle_x, lens.fl_x);
+    readAngle("camera_angle_y", lens.angle_y, lens.fl_y);
+    readPositive("fl_x", lens.fl_x);
+    readPositive("fl_y", lens.fl_y);
+    readPositive("w", lens.w);
+    readPositive("h", lens.h);
+    read("cx", lens.cx);
+    read("cy", lens.cy);
+
+    Distortion& d = lens.distortion;
+    const std::pair<const char*, double*> terms[] = {
+        {"k1", &d.k1}, {"k2", &d.k2}, {"k3", &d.k3}, {"p1", &d.p1}, {"p2", &d.p2}};
+    for (const auto& [key, value] : terms)
+        if (node.has(key)) *value = node.at(key).number();
+    return lens;
+}
+
+std::string sizeText(double width, double height) {
+    const auto text = [](double v) {
+        return v == std::round(v) ? std::to_string(std::llround(v)) : std::to_string(v);
+    };
+    return text(width) + "x" + text(height);
+}
+
+/// Intrinsics for the image at hand. The numbers belong to the w x h that the JSON states.
+Camera intrinsics(const Lens& lens, const JsonNode& frame, const Frame& source) {
+    const auto [width, height] = readImageSize(source.image);
+    const double w = lens.w.value_or(lens.h ? *lens.h * width / height : width);
+    const double h = lens.h.value_or(w * height / width);
+    // A smaller version is rounded to whole pixels; by how much depends on who rounds.
+    const double tolerance = std::max(1.0, width / w);
+    if (std::abs(height - h * width / w) > tolerance && std::abs(width - w * height / h) > tolerance)
+        frame.at("file_path")
+            .fail(source.image.string() + " of " + sizeText(width, height) + " pixels",
+                  sizeText(w, h) + " (w, h) or another size of that aspect", "use the images that were posed");
+
+    const auto focalFromAngle = [](double size, double angle) { return 0.5 * size / std::tan(0.5 * angle); };
+    std::optional<double> fx = lens.fl_x, fy = lens.fl_y;
+    if (!fx && lens.angle_x) fx = focalFromAngle(w, *lens.angle_x);
+    if (!fy && lens.angle_y) fy = focalFromAngle(h, *lens.angle_y);
+    if (!fx && !fy) frame.fail("no focal length", "fl_x or camera_angle_x, here or for the whole file");
+
+    Camera camera;
+    camera.width = static_cast<int>(std::lround(w));
+    camera.height = static_cast<int>(std::lround(h));
+    camera.fx = fx.value_or(fy.value_or(0));
+    camera.fy = fy.value_or(camera.fx);
+    camera.cx = lens.cx.value_or(0.5 * w);
+    camera.cy = lens.cy.value_or(0.5 * h);
+    camera.distortion = lens.distortion;
+    return width == camera.width && height == camera.height ? camera : resized(camera, width, height);
+}
+
+/// Rotation and position from the upper 3x4 of a row-major 4x4.
+void readPose(const JsonNode& matrix, Camera& camera) {
+    const std::size_t n_rows = matrix.arraySize();
+    if (n_rows != 3 && n_rows != 4) matrix.fail(std::to_string(n_rows) + " rows", "3 or 4");
+    for (std::size_t row = 0; row < n_rows; ++row) {
+        if (matrix.at(row).arraySize() != 4)
+            matrix.at(row).fail(std::to_string(matrix.at(row).arraySize()) + " numbers", "4");
+        for (std::size_t column = 0; column < 4; ++column) {
+            const double value = matrix.at(row).at(column).number();
+            const auto r = static_cast<Eigen::Index>(row), c = static_cast<Eigen::Index>(column);
+            if (row == 3 &&
+                std::abs(value - (column == 3)) > 1e-6)  // exact in every writer; a projective row is not
+                matrix.at(row).fail("a last row other than 0 0 0 1", "a rigid pose");
+            if (row < 3 && column < 3) camera.world_from_camera(r, c) = value;
+            if (row < 3 && column == 3) camera.position(r) = value;
+        }
+    }
+}
+
+/// The nearest rotation of an almost-rotation (polar factor by Newton-Schulz: an error e becomes about e^2).
+Mat3d nearestRotation(Mat3d rotation) {
+    for (int i = 0; i < 4; ++i)
+        rotation = 0.5 * rotation * (3 * Mat3d::Identity() - rotation.transpose() * rotation);
+    return rotation;
+}
+
+Camera readCamera(const JsonNode& frame, const Lens& file_lens, const Frame& source) {
+    Camera camera = intrinsics(readLens(frame, file_lens), frame, source);
+    readPose(frame.at("transform_matrix"), camera);
+    const std::string problem = cameraProblem(camera);
+    if (!problem.empty())
+        (problem.find("pose") != std::string::npos ? frame.at("transform_matrix") : frame)
+            .fail(problem, "a usable camera (rigid pose, camera to world)");
+    camera.world_from_camera = nearestRotation(camera.world_from_camera);
+    return camera;
+}
+
+/// Removes the frames whose image is absent. Many data sets list a few that were never shipped.
+void dropAbsent(std::vector<Frame>& frames, const fs::path& file, bool strict,
+                std::vector<std::string>& warnings) {
+    const std::size_t n_listed = frames.size();
+    const auto first_absent =
+        std::find_if(frames.begin(), frames.end(), [](const Frame& frame) { return !frame.has_image; });
+    if (first_absent == frames.end()) return;
+    const fs::path example = first_absent->image;
+    std::erase_if(frames, [](const Frame& frame) { return !frame.has_image; });
+
+    const std::string absent = std::to_string(n_listed - frames.size()) + " of " + std::to_string(n_listed) +
+                               " frames without an image (first: " + example.string() + ")";
+    const std::string where = file.string() + ": frames";
+    if (strict) throw DataError(where, absent, "an image for every frame", "add them or allow absent images");
+    if (2 * frames.size() < n_listed) throw DataError(where, absent, "at least half of the images");
+    warnings.push_back(where + ": " + absent + " are left out");
+}
+
+}  // namespace
+
+bool hasTransforms(const fs::path& path) {
+    if (!fs::is_directory(path)) return path.extension() == ".json";
+    return fs::exists(path / "transforms.json") || fs::exists(splitFile(path, Split::train)) ||
+           fs::exists(splitFile(path, Split::val)) || fs::exists(splitFile(path, Split::test));
+}
+
+Dataset readTransforms(const fs::path& path, Split split, bool strict) {
+    Dataset dataset;
+    dataset.root = path;
+    const Source source = findSource(path, split, dataset.warnings);
+    const nlohmann::json json = parseJsonFile(source.file);
+    const JsonNode document(json, source.file);
+    if (document.has("aabb_scale")) dataset.aabb_scale = document.at("aabb_scale").positiveNumber();
+    const Lens lens = readLens(document, {});
+
+    const JsonNode list = document.at("frames");
+    std::vector<Frame> frames;
+    for (std::size_t i = 0; i < list.arraySize(); ++i)
+        frames.push_back(findImage(list.at(i), i, source.file.parent_path()));
+
+    // Absent images go first, so that every 8th is counted among those that exist.
+    dropAbsent(frames, source.file, strict, dataset.warnings);
+    if (!source.is_split_file) {
+        std::stable_sort(frames.begin(), frames.end(),
+                         [](const Frame& a, const Frame& b) { return a.file_path < b.file_path; });
+        frames = selectSplit(frames, document, split, dataset.warnings, source.file);
+    }
+    if (frames.empty())
+        list.fail("no frame for the " + std::string(nameOf(split)) + " split (" +
+                      std::to_string(list.arraySize()) + " listed)",
+                  "at least one");
+
+    for (const Frame& frame : frames)
+        dataset.views.push_back({readCamera(list.at(frame.index), lens, frame), frame.image, {}});
+    return dataset;
+}
+
+}  // namespace nerfvdb
