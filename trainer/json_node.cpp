@@ -52,7 +52,7 @@ JsonNode JsonNode::at(const char* key) const {
     return {(*value_)[key], file_, field_.empty() ? key : field_ + "." + key};
 }
 
-JsonNode JsonNode::at(std::size_t index) const {
+JsonNode JsonNode::element(std::size_t index) const {
     if (index >= arraySize())
         fail(std::to_string(arraySize()) + " elements", "at least " + std::to_string(index + 1));
     return {(*value_)[index], file_, field_ + "[" + std::to_string(index) + "]"};

@@ -22,7 +22,7 @@ public:
 
     bool has(const char* key) const { return value_->is_object() && value_->contains(key); }
     JsonNode at(const char* key) const;
-    JsonNode at(std::size_t index) const;
+    JsonNode element(std::size_t index) const;
     std::size_t arraySize() const;  // must be an array
 
     double number() const;          // finite

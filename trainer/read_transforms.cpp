@@ -88,7 +88,7 @@ Frame findImage(const JsonNode& frame, std::size_t index, const fs::path& folder
 /// The frames that a list such as nerfstudio's "train_filenames" names.
 std::vector<Frame> selectNamed(const std::vector<Frame>& frames, const JsonNode& names) {
     std::set<std::string> wanted;
-    for (std::size_t i = 0; i < names.arraySize(); ++i) wanted.insert(names.at(i).text());
+    for (std::size_t i = 0; i < names.arraySize(); ++i) wanted.insert(names.element(i).text());
     std::vector<Frame> selected;
     std::copy_if(frames.begin(), frames.end(), std::back_inserter(selected),
                  [&](const Frame& frame) { return wanted.count(frame.file_path) > 0; });
@@ -206,14 +206,14 @@ void readPose(const JsonNode& matrix, Camera& camera) {
     const std::size_t n_rows = matrix.arraySize();
     if (n_rows != 3 && n_rows != 4) matrix.fail(std::to_string(n_rows) + " rows", "3 or 4");
     for (std::size_t row = 0; row < n_rows; ++row) {
-        if (matrix.at(row).arraySize() != 4)
-            matrix.at(row).fail(std::to_string(matrix.at(row).arraySize()) + " numbers", "4");
+        if (matrix.element(row).arraySize() != 4)
+            matrix.element(row).fail(std::to_string(matrix.element(row).arraySize()) + " numbers", "4");
         for (std::size_t column = 0; column < 4; ++column) {
-            const double value = matrix.at(row).at(column).number();
+            const double value = matrix.element(row).element(column).number();
             const auto r = static_cast<Eigen::Index>(row), c = static_cast<Eigen::Index>(column);
             if (row == 3 &&
                 std::abs(value - (column == 3)) > 1e-6)  // exact in every writer; a projective row is not
-                matrix.at(row).fail("a last row other than 0 0 0 1", "a rigid pose");
+                matrix.element(row).fail("a last row other than 0 0 0 1", "a rigid pose");
             if (row < 3 && column < 3) camera.world_from_camera(r, c) = value;
             if (row < 3 && column == 3) camera.position(r) = value;
         }
@@ -276,7 +276,7 @@ Dataset readTransforms(const fs::path& path, Split split, bool strict) {
     const JsonNode list = document.at("frames");
     std::vector<Frame> frames;
     for (std::size_t i = 0; i < list.arraySize(); ++i)
-        frames.push_back(findImage(list.at(i), i, source.file.parent_path()));
+        frames.push_back(findImage(list.element(i), i, source.file.parent_path()));
 
     // Absent images go first, so that every 8th is counted among those that exist.
     dropAbsent(frames, source.file, strict, dataset.warnings);
@@ -291,7 +291,7 @@ Dataset readTransforms(const fs::path& path, Split split, bool strict) {
                   "at least one");
 
     for (const Frame& frame : frames)
-        dataset.views.push_back({readCamera(list.at(frame.index), lens, frame), frame.image, {}});
+        dataset.views.push_back({readCamera(list.element(frame.index), lens, frame), frame.image, {}});
     return dataset;
 }
 

@@ -1,0 +1,261 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/read_transforms.h"
+
+#include <cmath>
+#include <functional>
+
+#include "core/error.h"
+#include "tests/support/catch.h"
+#include "tests/trainer/scene_folder.h"
+
+using namespace nerfvdb;
+using namespace nerfvdb::testing;
+using Catch::Contains;
+namespace fs = std::filesystem;
+
+namespace {
+
+std::vector<std::string> namesOf(const Dataset& dataset) {
+    std::vector<std::string> names;
+    for (const View& view : dataset.views) names.push_back(view.path.stem().string());
+    return names;
+}
+
+using Names = std::vector<std::string>;
+
+}  // namespace
+
+TEST_CASE("split files: the JSON's order, names without extension, focal length from the angle", "[trainer]") {
+    SceneFolder scene(3, 4);
+    scene.document.erase("w");
+    scene.document.erase("h");
+    scene.document.erase("fl_x");
+    scene.document.erase("fl_y");
+    scene.document["camera_angle_x"] = 0.6911112070083618;
+    for (int i = 0; i < 3; ++i) scene.frame(i)["file_path"] = "./images/" + std::to_string(102 - i);
+    scene.save("transforms_train.json");
+
+    const Dataset train = readTransforms(scene.dir.path(), Split::train, true);
+    CHECK(namesOf(train) == Names{"102", "101", "100"});
+    CHECK(train.warnings.empty());
+    const Camera& camera = train.views[0].camera;
+    CHECK(camera.width == 20);
+    CHECK(camera.height == 10);
+    CHECK(camera.fx == Approx(10 / std::tan(0.5 * 0.6911112070083618)).epsilon(1e-14));
+    CHECK(camera.fy == camera.fx);
+    CHECK(camera.cx == 10);
+    CHECK(camera.cy == 5);
+    CHECK((camera.position - ringCamera(0, 3, 20, 10).position).norm() < 1e-14);
+    CHECK((camera.world_from_camera - ringCamera(0, 3, 20, 10).world_from_camera).norm() < 1e-14);
+
+    SECTION("an absent val split falls back to test, with a warning") {
+        scene.save("transforms_test.json");
+        const Dataset val = readTransforms(scene.dir.path(), Split::val, true);
+        CHECK(val.views.size() == 3);
+        REQUIRE(val.warnings.size() == 1);
+        CHECK_THAT(val.warnings[0], Contains("no transforms_val.json"));
+    }
+    SECTION("an absent test split is an error that says what there is") {
+        CHECK_THROWS_WITH(readTransforms(scene.dir.path(), Split::test, false),
+                          Contains("no test split (only train)") && Contains("transforms_test.json"));
+    }
+}
+
+TEST_CASE("a single file is sorted by name and every 8th existing frame is held out", "[trainer]") {
+    SceneFolder scene(18);
+    std::reverse(scene.document["frames"].begin(), scene.document["frames"].end());
+    fs::remove(scene.dir / "images/103.png");  // so the second held-out frame is 109, not 108
+    scene.document["aabb_scale"] = 4;
+    scene.save();
+
+    const Dataset test = readTransforms(scene.dir.path(), Split::test, false);
+    CHECK(namesOf(test) == Names{"100", "109", "117"});
+    CHECK(test.aabb_scale == 4.0);
+    CHECK(namesOf(readTransforms(scene.dir.path(), Split::val, false)) == namesOf(test));
+    const Dataset train = readTransforms(scene.dir / "transforms.json", Split::train, false);
+    CHECK(train.views.size() == 14);
+    CHECK(namesOf(train)[0] == "101");
+    CHECK(namesOf(train)[2] == "104");
+
+    REQUIRE(train.warnings.size() == 1);
+    CHECK_THAT(train.warnings[0], Contains("1 of 18 frames") && Contains("103.png") && Contains("left out"));
+    CHECK_THROWS_WITH(readTransforms(scene.dir.path(), Split::train, true),
+                      Contains("transforms.json: frames") && Contains("1 of 18") && Contains("103.png"));
+    for (int i = 104; i < 113; ++i) fs::remove(scene.dir / "images" / (std::to_string(i) + ".png"));
+    CHECK_THROWS_WITH(readTransforms(scene.dir.path(), Split::train, false),
+                      Contains("10 of 18") && Contains("at least half"));
+    fs::copy_file(scene.dir / "images/101.png", scene.dir / "images/105.png");  // exactly half is enough
+    CHECK(readTransforms(scene.dir.path(), Split::train, false).views.size() == 7);
+}
+
+TEST_CASE("a frame's own intrinsics go over the file's", "[trainer]") {
+    SceneFolder scene(9);
+    scene.document["k1"] = 0.01;
+    scene.document["camera_model"] = "OPENCV";
+    scene.frame(2)["fl_x"] = 30.0;
+    scene.frame(2)["cx"] = 9.0;
+    scene.frame(2)["k1"] = 0.02;
+    scene.frame(3)["camera_angle_x"] = 2 * std::atan(10.0 / 40.0);
+    scene.save();
+    const Dataset train = readTransforms(scene.dir.path(), Split::train, true);
+    REQUIRE(train.views.size() == 7);  // frames 0 and 8 are held out
+
+    const Camera& plain = train.views[0].camera;
+    CHECK(plain.fx == 15.0);
+    CHECK(plain.fy == 15.5);
+    CHECK(plain.cx == 10.0);
+    CHECK(plain.distortion.k1 == 0.01);
+    const Camera& own = train.views[1].camera;
+    CHECK(own.fx == 30.0);
+    CHECK(own.fy == 15.5);
+    CHECK(own.cx == 9.0);
+    CHECK(own.cy == 5.0);
+    CHECK(own.distortion.k1 == 0.02);
+    CHECK(train.views[2].camera.fx == Approx(40.0));
+}
+
+TEST_CASE("intrinsics follow images of another size", "[trainer]") {
+    SceneFolder scene(2);
+    scene.document["w"] = 41;  // half of 41 x 20 is 20 x 10 after rounding down
+    scene.document["h"] = 20;
+    scene.document["cx"] = 20.5;
+    scene.save();
+    const Camera camera = readTransforms(scene.dir.path(), Split::train, true).views[0].camera;
+    CHECK(camera.width == 20);
+    CHECK(camera.height == 10);
+    CHECK(camera.fx == Approx(15.0 * 20 / 41));
+    CHECK(camera.fy == Approx(15.5 / 2));
+    CHECK(camera.cx == Approx(10));
+    CHECK(camera.cy == Approx(5));
+
+    scene.document["w"] = 20;
+    scene.document["h"] = 40;
+    scene.save();
+    CHECK_THROWS_AS(readTransforms(scene.dir.path(), Split::train, true), DataError);
+    CHECK_THROWS_WITH(readTransforms(scene.dir.path(), Split::train, true), Contains("frames[1].file_path") &&
+                                                                                Contains("101.png of 20x10") &&
+                                                                                Contains("expected 20x40"));
+}
+
+TEST_CASE("the file's own lists of names decide the split", "[trainer]") {
+    SceneFolder scene(5);
+    scene.document["train_filenames"] = {"images/104.png", "images/100.png", "images/101.png"};
+    scene.document["test_filenames"] = {"images/102.png"};
+    scene.save();
+    CHECK(namesOf(readTransforms(scene.dir.path(), Split::train, true)) == Names{"100", "101", "104"});
+    CHECK(namesOf(readTransforms(scene.dir.path(), Split::test, true)) == Names{"102"});
+    const Dataset val = readTransforms(scene.dir.path(), Split::val, true);
+    CHECK(namesOf(val) == Names{"102"});
+    CHECK(val.warnings.size() == 1);
+}
+
+TEST_CASE("a rotation that was rounded on its way is made one again", "[trainer]") {
+    SceneFolder scene(2);
+    for (auto& row : scene.frame(1)["transform_matrix"])
+        for (auto& value : row) value = std::round(value.get<double>() * 1e4) / 1e4;
+    scene.save();
+    const Mat3d r = readTransforms(scene.dir.path(), Split::train, true).views[0].camera.world_from_camera;
+    CHECK((r.transpose() * r - Mat3d::Identity()).cwiseAbs().maxCoeff() < 1e-15);
+    CHECK((r - ringCamera(1, 2, 20, 10).world_from_camera).cwiseAbs().maxCoeff() < 1e-4);
+}
+
+TEST_CASE("what makes no camera is named by file and field", "[trainer]") {
+    struct Case {
+        std::string what;
+        std::function<void(SceneFolder&)> spoil;
+        std::vector<std::string> message;
+    };
+    const auto matrix = [](SceneFolder& s) -> nlohmann::json& { return s.frame(1)["transform_matrix"]; };
+    const Case cases[] = {
+        {"NaN",
+         [&](SceneFolder& s) { matrix(s)[0][3] = "NaN"; },
+         {"frames[1].transform_matrix[0][3]", "finite"}},
+        {"scaled",
+         [&](SceneFolder& s) { matrix(s)[0][0] = matrix(s)[0][0].get<double>() + 2; },
+         {"frames[1].transform_matrix", "not rigid"}},
+        {"mirrored",
+         [&](SceneFolder& s) {
+             for (int r = 0; r < 3; ++r) matrix(s)[r][0] = -matrix(s)[r][0].get<double>();
+         },
+         {"frames[1].transform_matrix", "mirror"}},
+        {"short row",
+         [&](SceneFolder& s) {
+             matrix(s)[1] = {1, 2, 3};
+         },
+         {"transform_matrix[1]", "3 numbers"}},
+        {"rows",
+         [&](SceneFolder& s) {
+             matrix(s) = {1, 2};
+         },
+         {"transform_matrix", "2 rows"}},
+        {"projective",
+         [&](SceneFolder& s) {
+             matrix(s)[3] = {0, 0, 0, 2};
+         },
+         {"transform_matrix[3]", "0 0 0 1"}},
+        {"no matrix",
+         [](SceneFolder& s) { s.frame(1).erase("transform_matrix"); },
+         {"frames[1]", "no key 'transform_matrix'"}},
+        {"no file_path",
+         [](SceneFolder& s) { s.frame(1).erase("file_path"); },
+         {"frames[1]", "no key 'file_path'"}},
+        {"no frames", [](SceneFolder& s) { s.document.erase("frames"); }, {"no key 'frames'"}},
+        {"frames is no list",
+         [](SceneFolder& s) { s.document["frames"] = 3; },
+         {"frames: found 3", "an array"}},
+        {"empty",
+         [](SceneFolder& s) { s.document["frames"] = nlohmann::json::array(); },
+         {"frames", "no frame for the train split (0 listed)"}},
+        {"only one frame, which is held out",
+         [](SceneFolder& s) { s.document["frames"].erase(1); },
+         {"no frame for the train split (1 listed)"}},
+        {"zero focal length", [](SceneFolder& s) { s.document["fl_x"] = 0; }, {"fl_x: found 0", "above zero"}},
+        {"no focal length",
+         [](SceneFolder& s) {
+             s.document.erase("fl_x");
+             s.document.erase("fl_y");
+         },
+         {"frames[1]", "no focal length", "camera_angle_x"}},
+        {"angle", [](SceneFolder& s) { s.document["camera_angle_x"] = 44.0; }, {"camera_angle_x", "radians"}},
+        {"text for a number", [](SceneFolder& s) { s.document["cx"] = "ten"; }, {"cx: found \"ten\""}},
+        {"negative size", [](SceneFolder& s) { s.document["w"] = -20; }, {"w: found -20"}},
+        {"fisheye",
+         [](SceneFolder& s) { s.document["camera_model"] = "OPENCV_FISHEYE"; },
+         {"camera_model", "OPENCV_FISHEYE", "undistort"}},
+        {"fisheye flag", [](SceneFolder& s) { s.document["is_fisheye"] = true; }, {"is_fisheye"}},
+        {"fourth term", [](SceneFolder& s) { s.document["k4"] = 0.1; }, {"k4"}},
+        {"folding lens", [](SceneFolder& s) { s.document["k1"] = -3.0; }, {"frames[1]", "folds"}},
+        {"upward",
+         [](SceneFolder& s) { s.frame(1)["file_path"] = "images/../../secret.png"; },
+         {"frames[1].file_path", "inside the data folder"}},
+        {"absolute",
+         [](SceneFolder& s) { s.frame(1)["file_path"] = "/etc/passwd"; },
+         {"inside the data folder"}},
+        {"aabb_scale", [](SceneFolder& s) { s.document["aabb_scale"] = 0; }, {"aabb_scale: found 0"}},
+    };
+    for (const Case& c : cases) {
+        CAPTURE(c.what);
+        SceneFolder scene(2);
+        c.spoil(scene);
+        scene.save();
+        try {
+            readTransforms(scene.dir.path(), Split::train, false);
+            FAIL("no error");
+        } catch (const DataError& error) {
+            CHECK_THAT(error.what(), Contains("transforms.json"));
+            for (const std::string& part : c.message) CHECK_THAT(error.what(), Contains(part));
+        }
+    }
+}
+
+TEST_CASE("a path that is no data set is refused", "[trainer]") {
+    const TempDir dir;
+    CHECK_THROWS_AS(readTransforms(dir / "absent", Split::train, false), IoError);
+    CHECK_THROWS_WITH(readTransforms(dir.path(), Split::train, false), Contains("no transforms.json"));
+    CHECK_FALSE(hasTransforms(dir.path()));
+    SceneFolder scene(2);
+    CHECK_FALSE(hasTransforms(scene.dir.path()));
+    scene.save("transforms_test.json");
+    CHECK(hasTransforms(scene.dir.path()));
+    CHECK(hasTransforms(scene.dir / "transforms_test.json"));
+}
