@@ -11,7 +11,7 @@ namespace nerfvdb {
 namespace {
 
 constexpr int kMaxHalvings = 12;
-constexpr double kNegligible = 0.1;  // panels that add less than this share of the tolerance stay black
+constexpr double kNegligible = 0.1;  // panels that add less than this share of the tolerance ask for one colour
 constexpr double kHeavy = 0.03;      // panels with more of the ray's light than this ask for all five colours
 constexpr double kBendShare = 0.2;   // the others ask for three; the parabola errs far less than the chord
 
@@ -118,7 +118,9 @@ private:
         double error = transmittance_ * std::max(std::abs(std::exp(-tau) - std::exp(-whole.tau)),
                                                  std::abs(behind_front - std::exp(-whole.tau_middle)));
         Vec3d rgb = Vec3d::Zero();
-        if (error <= options_.tolerance && transmittance_ * alpha > options_.tolerance * kNegligible) {
+        if (transmittance_ * alpha <= options_.tolerance * kNegligible) {
+            rgb = alpha * colour(m);
+        } else if (error <= options_.tolerance || halvings >= kMaxHalvings) {
             const Vec3d ca = colour(a), cm = colour(m), cb = colour(b);
             // The parabola through three colours guesses those between.
             Vec3d cam = 0.375 * ca + 0.75 * cm - 0.125 * cb, cmb = 0.75 * cm + 0.375 * cb - 0.125 * ca;
