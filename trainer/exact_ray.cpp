@@ -13,7 +13,7 @@ namespace {
 constexpr int kMaxHalvings = 12;
 constexpr double kNegligible = 0.1;  // panels that add less than this share of the tolerance ask for one colour
 constexpr double kHeavy = 0.03;      // panels with more of the ray's light than this ask for all five colours
-constexpr double kBendShare = 0.2;   // the others ask for three; the parabola errs far less than the chord
+constexpr double kBendShare = 0.2;   // the others ask for three; the finer rule errs far less than the coarser
 
 /// The part of the ray inside a box, t0 >= 0; empty when t0 >= t1. Infinities sort themselves out; 0 * inf
 /// cannot occur because an axis without direction is tested by position.
@@ -130,9 +130,12 @@ private:
                                       (colour(mb) - cmb).cwiseAbs().maxCoeff());
                 cam = am.rgb, cmb = mb.rgb;
             }
-            error = std::max(error, transmittance_ * alpha * miss);
             rgb = front.first * ca + front.middle * cam + front.last * cm +
                   behind_front * (back.first * cm + back.middle * cmb + back.last * cb);
+            // A thick panel may have its transmittance right and the place where its light comes from wrong.
+            const Vec3d rgb_of_whole = whole.first * ca + whole.middle * cm + whole.last * cb;
+            error = std::max({error, transmittance_ * alpha * miss,
+                              transmittance_ * kBendShare * (rgb - rgb_of_whole).cwiseAbs().maxCoeff()});
         }
         if (error <= options_.tolerance || halvings >= kMaxHalvings) {
             colour_ += transmittance_ * rgb;

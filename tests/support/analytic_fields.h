@@ -9,7 +9,8 @@
 
 namespace nerfvdb::test {
 
-/// Constant density in the box [-1, 1]^3; colour rises from 0 to 1 with x, in one channel each way, 0.5 in the third.
+/// Constant density in the box [-1, 1]^3; colour rises from 0 to 1 with x, in one channel each way, 0.5 in the
+/// third.
 struct SlabField : SyntheticScene {
     explicit SlabField(double density_of_slab) : sigma(density_of_slab) {}
     Box bounds() const override { return {Vec3d::Constant(-1), Vec3d::Constant(1)}; }

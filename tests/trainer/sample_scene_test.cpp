@@ -2,7 +2,6 @@
 #include "trainer/sample_scene.h"
 
 #include "core/error.h"
-#include "core/metrics.h"
 #include "core/parallel.h"
 #include "tests/support/catch.h"
 #include "trainer/exact_ray.h"
@@ -27,16 +26,19 @@ TEST_CASE("a sampled scene holds the scene's own values at its voxels", "[sample
                 const Vec3d p = field.frame().worldFromIndex(ijk.cast<double>());
                 const std::size_t slot = leaf * kLeafVoxels + v;
                 const double sigma = sigmaFromRaw(field.density()[slot], field.densityScale());
-                worst_density = std::max(worst_density, std::abs(sigma - scene->density(p)) / scene->maxDensity());
+                worst_density =
+                    std::max(worst_density, std::abs(sigma - scene->density(p)) / scene->maxDensity());
                 stored += scene->density(p);
+                if (v % 61 != 0)
+                    continue;  // the decoder's mean over directions is slow for one voxel at a time
                 float rgb[3];
                 model.decoder.diffuse(1, &field.features()[slot * field.channels()], rgb);
                 for (int c = 0; c < 3; ++c)
                     worst_colour = std::max(worst_colour, std::abs(rgb[c] - scene->diffuse(p)[c]));
             }
         }
-        CHECK(worst_density < 1e-6);                 // single precision, through log and exp
-        CHECK(worst_colour < 0.5 / 255 + 1e-5);      // colours are kept half a level away from 0 and 1
+        CHECK(worst_density < 1e-6);             // single precision, through log and exp
+        CHECK(worst_colour < 0.5 / 255 + 1e-5);  // colours are kept half a level away from 0 and 1
         // Nothing that has density is left out: the same sum over every grid point.
         double everything = 0;
         for (int x = 0; x < topology.dims().x(); ++x)
@@ -66,11 +68,13 @@ TEST_CASE("a sampled scene renders like the scene itself", "[sample_scene]") {
     const Camera camera = lookAt({2.6, -2.4, 1.6}, Vec3d::Zero(), Vec3d::UnitZ(), 0.69, 96, 96);
     const Image rendered = Renderer(model, {}).render(camera).rgb;
     const Image exact = exactImage(*scene, camera);
-    Image on_white(96, 96, 3);
+    double squared = 0;
     for (int i = 0; i < 96 * 96; ++i)
-        for (int c = 0; c < 3; ++c)
-            on_white.pixels[3 * i + c] = 1 + exact.pixels[4 * i + 3] * (exact.pixels[4 * i + c] - 1);
-    const double quality = psnr(rendered, on_white);
+        for (int c = 0; c < 3; ++c) {
+            const double on_white = 1 + exact.pixels[4 * i + 3] * (exact.pixels[4 * i + c] - 1);
+            squared += std::pow(rendered.pixels[3 * i + c] - on_white, 2);
+        }
+    const double quality = -10 * std::log10(squared / (3 * 96 * 96));
     INFO("PSNR " << quality);
     CHECK(quality > 30);
 }

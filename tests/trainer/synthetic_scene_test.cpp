@@ -11,7 +11,9 @@ using namespace nerfvdb;
 
 namespace {
 
-double unit(std::uint64_t stream, std::uint64_t index) { return (randomBits(7, stream, index) >> 11) * 0x1p-53; }
+double unit(std::uint64_t stream, std::uint64_t index) {
+    return (randomBits(7, stream, index) >> 11) * 0x1p-53;
+}
 
 Vec3d pointIn(const Box& box, std::uint64_t index) {
     return box.min + box.size().cwiseProduct(Vec3d(unit(0, index), unit(1, index), unit(2, index)));
@@ -98,7 +100,8 @@ TEST_CASE("only the glossy scene and the demo look different from different side
         for (std::uint64_t i = 0; i < 40000; ++i) {
             const Vec3d p = pointIn(scene->bounds(), i);
             if (scene->density(p) == 0) continue;
-            const Vec3d a = scene->radiance(p, unitVector(2 * i)), b = scene->radiance(p, unitVector(2 * i + 1));
+            const Vec3d a = scene->radiance(p, unitVector(2 * i)),
+                        b = scene->radiance(p, unitVector(2 * i + 1));
             largest = std::max(largest, (a - b).cwiseAbs().maxCoeff());
         }
         INFO(name << ": largest difference " << largest);

@@ -56,7 +56,8 @@ TEST_CASE("a synthetic data set has NeRF-synthetic's layout and the exact colour
             CHECK(frame.at("file_path") == "./" + name + "/r_" + std::to_string(i));
             // The camera as a reader would build it from the file.
             Camera camera;
-            camera.width = 40, camera.height = 30, camera.fx = camera.fy = focal, camera.cx = 20, camera.cy = 15;
+            camera.width = 40, camera.height = 30, camera.fx = camera.fy = focal, camera.cx = 20,
+            camera.cy = 15;
             const auto& m = frame.at("transform_matrix");
             for (int r = 0; r < 3; ++r) {
                 for (int c = 0; c < 3; ++c) camera.world_from_camera(r, c) = m[r][c];
@@ -80,7 +81,8 @@ TEST_CASE("a synthetic data set has NeRF-synthetic's layout and the exact colour
     }
 }
 
-TEST_CASE("equal seeds give equal bytes on any number of threads; other seeds other cameras", "[write_dataset]") {
+TEST_CASE("equal seeds give equal bytes on any number of threads; other seeds other cameras",
+          "[write_dataset]") {
     const TempDir folder;
     const auto scene = makeSyntheticScene("fog");
     Report report;
@@ -98,7 +100,8 @@ TEST_CASE("equal seeds give equal bytes on any number of threads; other seeds ot
     CHECK(a.at("transforms_train.json") != filesUnder(folder / "c").at("transforms_train.json"));
 }
 
-TEST_CASE("cameras look at the scene from all around, and tests do not repeat training views", "[write_dataset]") {
+TEST_CASE("cameras look at the scene from all around, and tests do not repeat training views",
+          "[write_dataset]") {
     const SyntheticDatasetOptions options;
     const auto train = syntheticCameras(Split::train, options), test = syntheticCameras(Split::test, options);
     REQUIRE(train.size() == 60);
