@@ -78,7 +78,8 @@ bool hasDuplicateFaces(const Mesh& mesh) {
 
 bool sameBytes(const Mesh& a, const Mesh& b) {
     const auto same = [](const auto& u, const auto& v) {
-        return u.size() == v.size() && std::memcmp(u.data(), v.data(), u.size() * sizeof(u[0])) == 0;
+        return u.size() == v.size() &&
+               (u.empty() || std::memcmp(u.data(), v.data(), u.size() * sizeof(u[0])) == 0);
     };
     return same(a.positions, b.positions) && same(a.normals, b.normals) && same(a.colours, b.colours) &&
            same(a.triangles, b.triangles);
