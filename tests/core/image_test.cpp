@@ -36,7 +36,42 @@ Image gradientImage(int width, int height, int channels) {
 
 void overwrite(const fs::path& path, const std::string& bytes) { writeAtomically(path, bytes); }
 
+/// Bytes from their hexadecimal digits.
+std::string fromHex(const std::string& digits) {
+    std::string bytes;
+    for (std::size_t i = 0; i < digits.size(); i += 2)
+        bytes += static_cast<char>(std::stoi(digits.substr(i, 2), nullptr, 16));
+    return bytes;
+}
+
 }  // namespace
+
+TEST_CASE("16 bits, grey with alpha and palettes become 8-bit colour with alpha", "[core]") {
+    const TempDir dir;
+    // 2x1, 16-bit grey and alpha: (0x40f0, 0xffff), (0xfeff, 0x8000). 0x40f0 / 257 = 64.7, 0xfeff / 257 =
+    // 254.0.
+    overwrite(
+        dir / "grey16.png",
+        fromHex("89504e470d0a1a0a0000000d49484452000000020000000110040000000ebb6b42000000114944415478da6370"
+                "f8f0ffffbfff0d0c001b8305acb4b8bad90000000049454e44ae426082"));
+    const Photo grey = readPhoto(dir / "grey16.png");
+    REQUIRE(grey.pixels.size() == 2);
+    CHECK(grey.has_alpha);
+    CHECK(grey.pixels[0] == std::array<std::uint8_t, 4>{65, 65, 65, 255});
+    CHECK(grey.pixels[1] == std::array<std::uint8_t, 4>{254, 254, 254, 128});
+
+    // 2x1 with a palette of (10, 20, 30, opaque) and (200, 100, 50, alpha 64), second colour first.
+    overwrite(
+        dir / "palette.png",
+        fromHex("89504e470d0a1a0a0000000d4948445200000002000000010803000000c3fc8fb800000006504c54450a141ec8"
+                "643277a0b39c0000000274524e53ff40936b71da0000000b4944415478da63606400000005000242c2449f0000"
+                "000049454e44ae426082"));
+    const Photo palette = readPhoto(dir / "palette.png");
+    REQUIRE(palette.pixels.size() == 2);
+    CHECK(palette.has_alpha);
+    CHECK(palette.pixels[0] == std::array<std::uint8_t, 4>{200, 100, 50, 64});
+    CHECK(palette.pixels[1] == std::array<std::uint8_t, 4>{10, 20, 30, 255});
+}
 
 TEST_CASE("PNG keeps 8-bit values exactly, with straight alpha", "[core]") {
     const TempDir dir;
