@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+// nerfvdb eval: how close a model comes to photographs that it has not seen.
+#include "cli/commands.h"
+#include "cli/dataset_words.h"
+#include "cli/output_path.h"
+#include "cli/process.h"
+#include "trainer/evaluate.h"
+#include "vdb/model_file.h"
+
+namespace nerfvdb {
+namespace {
+
+struct EvalWords {
+    std::string model, data, save;
+    DatasetWords dataset;
+    int every = 1;
+    SharedOptions shared;
+};
+
+double ratio(std::uint64_t part, std::uint64_t whole) {
+    return whole ? static_cast<double>(part) / static_cast<double>(whole) : 0.0;
+}
+
+Json evaluationJson(const Evaluation& evaluation, const Dataset& dataset) {
+    const TraceCounters& counters = evaluation.counters;
+    Json json = {{"command", "eval"},
+                 {"psnr", evaluation.psnr},
+                 {"ssim", evaluation.ssim},
+                 {"seconds_per_frame", evaluation.seconds_per_frame},
+                 {"samples_per_ray", ratio(counters.samples_density, counters.rays)},
+                 {"feature_samples_per_ray", ratio(counters.samples_features, counters.rays)},
+                 {"dense_samples_per_ray", ratio(counters.samples_dense, counters.rays)},
+                 {"feature_share_of_dense", ratio(counters.samples_features, counters.samples_dense)},
+                 {"rays_skipped_share", ratio(counters.rays_skipped, counters.rays)},
+                 {"peak_memory_bytes", peakMemoryBytes()},
+                 {"views", Json::array()}};
+    for (const ViewScore& view : evaluation.views)
+        json["views"].push_back({{"index", view.index},
+                                 {"image", dataset.views[view.index].path.string()},
+                                 {"psnr", view.psnr},
+                                 {"ssim", view.ssim},
+                                 {"seconds", view.seconds}});
+    return json;
+}
+
+std::string evaluationText(const Evaluation& evaluation) {
+    const TraceCounters& counters = evaluation.counters;
+    return formatted("%zu views: PSNR %.3f dB, SSIM %.4f, %.3f s a frame\n", evaluation.views.size(), evaluation.psnr,
+                     evaluation.ssim, evaluation.seconds_per_frame) +
+           formatted("per ray: %.1f samples, %.1f with features (%.2f %% of a dense march); %.1f %% of rays skipped\n",
+                     ratio(counters.samples_density, counters.rays), ratio(counters.samples_features, counters.rays),
+                     100 * ratio(counters.samples_features, counters.samples_dense),
+                     100 * ratio(counters.rays_skipped, counters.rays));
+}
+
+void runEval(const EvalWords& words) {
+    const auto limit = words.shared.begin();
+    if (!words.save.empty()) prepareOutputFolder("--save", words.save);
+    TerminalReport report;
+    const Model model = loadModel(words.model);
+    const Dataset dataset = words.dataset.read(words.data, true, report);
+
+    EvaluateOptions options;
+    options.every = words.every;
+    const Evaluation evaluation =
+        evaluate(model, dataset, options, report, [&](const ViewScore& score, const Image& rgb) {
+            if (!words.save.empty())
+                writeImage(std::filesystem::path(words.save) / formatted("%04zu.png", score.index), rgb);
+        });
+    words.shared.finish(evaluationJson(evaluation, dataset), evaluationText(evaluation));
+}
+
+}  // namespace
+
+Command addEval(CLI::App& program) {
+    auto words = std::make_shared<EvalWords>();
+    CLI::App& app = *program.add_subcommand("eval", "Score a model against photographs: PSNR, SSIM, time");
+    app.add_option("MODEL", words->model, "A model that 'nerfvdb train' made")->required();
+    app.add_option("DATA", words->data, "The data set, as for train")->required();
+    words->dataset.add(app);
+    app.add_option("--every", words->every, "Score each Nth view only [1]")
+        ->check(CLI::PositiveNumber)
+        ->type_name("N");
+    app.add_option("--save", words->save, "Write the rendered views there: 0000.png, ... by index of the view")
+        ->type_name("DIR");
+    words->shared.add(app, "  nerfvdb eval lego.vdb data/lego --split test --json scores.json");
+    return {&app, [words] { runEval(*words); }};
+}
+
+}  // namespace nerfvdb

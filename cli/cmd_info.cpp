@@ -1,0 +1,167 @@
+// SPDX-License-Identifier: Apache-2.0
+// nerfvdb info: what a model or a data set holds.
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "cli/commands.h"
+#include "core/error.h"
+#include "trainer/dataset.h"
+#include "vdb/model_file.h"
+
+namespace nerfvdb {
+namespace {
+
+struct InfoWords {
+    std::string path;
+    SharedOptions shared;
+};
+
+Json vectorJson(const Vec3d& v) { return {v.x(), v.y(), v.z()}; }
+Json boxJson(const Box& box) { return {{"min", vectorJson(box.min)}, {"max", vectorJson(box.max)}}; }
+
+std::string boxText(const Box& box) {
+    return formatted("[%.4g, %.4g, %.4g] to [%.4g, %.4g, %.4g]", box.min.x(), box.min.y(), box.min.z(), box.max.x(),
+                     box.max.y(), box.max.z());
+}
+
+void describeModel(const InfoWords& words) {
+    const Model model = loadModel(words.path);
+    const VoxelField& field = model.field;
+    const Topology& topology = field.topology();
+    const Vec3i dims = topology.dims();
+    const double in_box = dims.cast<double>().prod();
+    const double share = in_box > 0 ? static_cast<double>(topology.voxelCount()) / in_box : 0;
+    const auto file_bytes = std::filesystem::file_size(words.path);
+
+    const Json json = {{"command", "info"},
+                       {"kind", "model"},
+                       {"resolution", {dims.x(), dims.y(), dims.z()}},
+                       {"voxel_size", field.frame().voxel_size},
+                       {"bounds", boxJson(field.worldBox())},
+                       {"leaves", topology.leafCount()},
+                       {"active_voxels", topology.voxelCount()},
+                       {"cells", topology.cellCount()},
+                       {"channels", field.channels()},
+                       {"density_scale", field.densityScale()},
+                       {"decoder_parameters", model.decoder.parameters().size()},
+                       {"background", {model.background.x(), model.background.y(), model.background.z()}},
+                       {"memory_bytes", field.bytes()},
+                       {"file_bytes", file_bytes},
+                       {"schedule", model.info.schedule},
+                       {"seed", model.info.seed},
+                       {"preset", model.info.preset},
+                       {"train_psnr", model.info.train_psnr}};
+    const std::string text =
+        formatted("model: density and %d features a voxel, %zu decoder parameters\n", field.channels(),
+                  model.decoder.parameters().size()) +
+        formatted("resolution: %d x %d x %d, voxels of %.4g world units\n", dims.x(), dims.y(), dims.z(),
+                  field.frame().voxel_size) +
+        "bounds: " + boxText(field.worldBox()) + "\n" +
+        formatted("active voxels: %zu (%.2f %% of the box) in %zu leaves\n", topology.voxelCount(), 100 * share,
+                  topology.leafCount()) +
+        formatted("background: %.3g, %.3g, %.3g (sRGB)\n", model.background.x(), model.background.y(),
+                  model.background.z()) +
+        "memory: " + sizeText(static_cast<double>(field.bytes())) + ", file: " +
+        sizeText(static_cast<double>(file_bytes)) + "\n" +
+        formatted("trained: preset %s, seed %llu, steps %s, %.2f dB on the training rays\n",
+                  model.info.preset.c_str(), static_cast<unsigned long long>(model.info.seed),
+                  model.info.schedule.c_str(), model.info.train_psnr);
+    words.shared.finish(json, text);
+}
+
+/// "800x800" or "800x800 to 1024x800".
+std::string sizesText(const Dataset& dataset) {
+    const Camera* smallest = &dataset.views.front().camera;
+    const Camera* largest = smallest;
+    for (const View& view : dataset.views) {
+        const auto area = [](const Camera& c) { return static_cast<long long>(c.width) * c.height; };
+        if (area(view.camera) < area(*smallest)) smallest = &view.camera;
+        if (area(view.camera) > area(*largest)) largest = &view.camera;
+    }
+    const std::string low = formatted("%dx%d", smallest->width, smallest->height);
+    const std::string high = formatted("%dx%d", largest->width, largest->height);
+    return low == high ? low : low + " to " + high;
+}
+
+Box cameraBox(const Dataset& dataset) {
+    Box box{dataset.views.front().camera.position, dataset.views.front().camera.position};
+    for (const View& view : dataset.views) {
+        box.min = box.min.cwiseMin(view.camera.position);
+        box.max = box.max.cwiseMax(view.camera.position);
+    }
+    return box;
+}
+
+/// Reads the split without pictures; an absent one gives nothing, unless it is the one that training needs.
+std::optional<Dataset> readSplit(const std::filesystem::path& path, Split split, Report& report) {
+    try {
+        return readDataset(path, split, {.strict = false, .load_photos = false}, report);
+    } catch (const Error&) {
+        if (split == Split::train) throw;
+        return std::nullopt;
+    }
+}
+
+void describeDataset(const InfoWords& words) {
+    constexpr std::pair<Split, const char*> kSplits[] = {
+        {Split::train, "train"}, {Split::val, "val"}, {Split::test, "test"}};
+    Report silent;  // warnings are part of the answer here
+    Json json = {{"command", "info"}, {"kind", "data"}, {"splits", Json::object()}, {"warnings", Json::array()}};
+    std::string text = "data set: " + words.path + "\n";
+    std::vector<std::string> warnings;
+    for (const auto& [split, name] : kSplits) {
+        const std::optional<Dataset> dataset = readSplit(words.path, split, silent);
+        if (!dataset || dataset->views.empty()) {
+            text += std::string(name) + ": none\n";
+            continue;
+        }
+        const Camera& first = dataset->views.front().camera;
+        const Box cameras = cameraBox(*dataset);
+        json["splits"][name] = {{"views", dataset->views.size()},
+                                {"width", first.width},
+                                {"height", first.height},
+                                {"focal_length", first.fx},
+                                {"alpha", dataset->has_alpha},
+                                {"distorted", !first.distortion.isZero()},
+                                {"camera_bounds", boxJson(cameras)}};
+        text += formatted("%s: %zu views, %s%s%s, focal length %.1f pixels\n    cameras in %s\n", name,
+                          dataset->views.size(), sizesText(*dataset).c_str(), dataset->has_alpha ? ", alpha" : "",
+                          first.distortion.isZero() ? "" : ", lens distortion", first.fx, boxText(cameras).c_str());
+        if (split == Split::train && dataset->aabb_scale) {
+            json["aabb_scale"] = *dataset->aabb_scale;
+            text += formatted("aabb_scale: %g\n", *dataset->aabb_scale);
+        }
+        for (const std::string& warning : dataset->warnings)
+            if (std::find(warnings.begin(), warnings.end(), warning) == warnings.end()) warnings.push_back(warning);
+    }
+    for (const std::string& warning : warnings) {
+        json["warnings"].push_back(warning);
+        text += "warning: " + warning + "\n";
+    }
+    words.shared.finish(json, text);
+}
+
+void runInfo(const InfoWords& words) {
+    const auto limit = words.shared.begin();
+    const std::filesystem::path path = words.path;
+    if (!std::filesystem::exists(path))
+        throw IoError(words.path, "nothing", "a model (.vdb) or a data set", "check the path");
+    const bool is_data = std::filesystem::is_directory(path) || path.extension() == ".json";
+    if (is_data)
+        describeDataset(words);
+    else
+        describeModel(words);
+}
+
+}  // namespace
+
+Command addInfo(CLI::App& program) {
+    auto words = std::make_shared<InfoWords>();
+    CLI::App& app = *program.add_subcommand("info", "Tell what a model or a data set holds");
+    app.add_option("PATH", words->path, "A model, or a data set as for train")->required();
+    words->shared.add(app, "  nerfvdb info lego.vdb\n  nerfvdb info data/lego --json -");
+    return {&app, [words] { runInfo(*words); }};
+}
+
+}  // namespace nerfvdb

@@ -1,0 +1,76 @@
+// SPDX-License-Identifier: Apache-2.0
+// nerfvdb mesh: the surface of a model as triangles.
+#include "cli/commands.h"
+#include "cli/output_path.h"
+#include "cli/process.h"
+#include "core/error.h"
+#include "export/marching_cubes.h"
+#include "export/mesh_io.h"
+#include "vdb/model_file.h"
+
+namespace nerfvdb {
+namespace {
+
+struct MeshWords {
+    std::string model, out, iso = "auto";
+    bool no_colours = false;
+    SharedOptions shared;
+};
+
+void runMesh(const MeshWords& words) {
+    const auto limit = words.shared.begin();
+    checkMeshPath(words.out);
+    prepareOutputFile("--out", words.out);
+    MeshOptions options;
+    options.colours = !words.no_colours;
+    if (words.iso != "auto") {
+        double iso = 0;
+        if (!CLI::detail::lexical_cast(words.iso, iso))
+            throw UsageError("--iso", "'" + words.iso + "'", "auto or a density in 1 / world unit");
+        options.iso = iso;
+    }
+
+    TerminalReport report;
+    const Model model = loadModel(words.model);
+    const double iso = options.iso.value_or(automaticIso(model.field));
+    const Mesh mesh = extractSurface(model, options, report);
+    report.end();
+    writeMesh(words.out, mesh);
+
+    const MeshMeasures measures = measureMesh(mesh);
+    const auto bytes = std::filesystem::file_size(words.out);
+    words.shared.finish(
+        {{"command", "mesh"},
+         {"out", words.out},
+         {"iso", iso},
+         {"vertices", mesh.positions.size()},
+         {"faces", mesh.triangles.size()},
+         {"pieces", measures.pieces},
+         {"closed", measures.closed()},
+         {"area", measures.area},
+         {"volume", measures.volume},
+         {"file_bytes", bytes},
+         {"peak_memory_bytes", peakMemoryBytes()}},
+        formatted("%s: %zu vertices, %zu faces in %zu pieces, %s, at density %.4g per world unit%s, %s\n",
+                  words.out.c_str(), mesh.positions.size(), mesh.triangles.size(), measures.pieces,
+                  measures.closed() ? "closed" : "not closed", iso,
+                  options.iso ? "" : " (half of the light is stopped over one voxel)",
+                  sizeText(static_cast<double>(bytes)).c_str()));
+}
+
+}  // namespace
+
+Command addMesh(CLI::App& program) {
+    auto words = std::make_shared<MeshWords>();
+    CLI::App& app = *program.add_subcommand("mesh", "Extract the surface of a model as a coloured triangle mesh");
+    app.add_option("MODEL", words->model, "A model that 'nerfvdb train' made")->required();
+    app.add_option("--out", words->out, "The mesh: .ply (binary) or .obj")->required()->type_name("FILE");
+    app.add_option("--iso", words->iso,
+                   "Density at the surface, 1 / world unit; auto stops half of the light over one voxel [auto]")
+        ->type_name("DENSITY");
+    app.add_flag("--no-colours", words->no_colours, "Leave out the vertex colours");
+    words->shared.add(app, "  nerfvdb mesh lego.vdb --out lego.ply");
+    return {&app, [words] { runMesh(*words); }};
+}
+
+}  // namespace nerfvdb

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+// nerfvdb synth: a procedural scene as photographs, with its exact density and colour as a volume and a mesh.
+#include <algorithm>
+
+#include "cli/commands.h"
+#include "cli/output_path.h"
+#include "cli/process.h"
+#include "core/error.h"
+#include "export/marching_cubes.h"
+#include "export/mesh_io.h"
+#include "export/vdb_export.h"
+#include "trainer/sample_scene.h"
+#include "trainer/synthetic_scene.h"
+#include "trainer/write_dataset.h"
+
+namespace nerfvdb {
+namespace {
+
+struct SynthWords {
+    std::string name, out;
+    SyntheticDatasetOptions dataset;
+    int resolution = 256;
+    bool no_truth = false;
+    SharedOptions shared;
+};
+
+/// The scene sampled on a fine grid leaves through the same doors as a trained model.
+void writeTruth(const SyntheticScene& scene, const std::filesystem::path& folder, int resolution, Report& report,
+                Json& json) {
+    report.begin("truth", 0);
+    const Model truth = sampleScene(scene, resolution);
+    exportVdb(truth, folder / "truth.vdb");
+
+    // Fog may be too thin to stop half of the light over a voxel: then its surface is where it is half as dense.
+    MeshOptions options;
+    options.iso = std::min(automaticIso(truth.field), 0.5 * scene.maxDensity());
+    writeMesh(folder / "truth.ply", extractSurface(truth, options, report));
+    report.end();
+    json["truth_iso"] = *options.iso;
+    json["active_voxels"] = truth.field.topology().voxelCount();
+}
+
+void runSynth(const SynthWords& words) {
+    const auto limit = words.shared.begin();
+    const auto scene = makeSyntheticScene(words.name);
+    const std::filesystem::path folder = words.out;
+    prepareOutputFolder("--out", folder);
+
+    TerminalReport report;
+    writeSyntheticDataset(*scene, folder, words.dataset, report);
+    Json json = {{"command", "synth"},
+                 {"scene", words.name},
+                 {"out", words.out},
+                 {"views",
+                  {{"train", words.dataset.train_views},
+                   {"val", words.dataset.val_views},
+                   {"test", words.dataset.test_views}}},
+                 {"width", words.dataset.width},
+                 {"height", words.dataset.height}};
+    if (!words.no_truth) writeTruth(*scene, folder, words.resolution, report, json);
+    json["peak_memory_bytes"] = peakMemoryBytes();
+    words.shared.finish(
+        json, formatted("%s: %d training, %d validation and %d test views of %dx%d%s\n", words.out.c_str(),
+                        words.dataset.train_views, words.dataset.val_views, words.dataset.test_views,
+                        words.dataset.width, words.dataset.height,
+                        words.no_truth ? "" : ", and the truth as truth.vdb and truth.ply"));
+}
+
+std::string sceneNames() {
+    std::string names;
+    for (const std::string& name : syntheticSceneNames()) names += (names.empty() ? "" : ", ") + name;
+    return names;
+}
+
+}  // namespace
+
+Command addSynth(CLI::App& program) {
+    auto words = std::make_shared<SynthWords>();
+    CLI::App& app = *program.add_subcommand("synth", "Make a data set of a procedural scene, with its exact truth");
+    app.add_option("NAME", words->name, "One of: " + sceneNames())->required();
+    app.add_option("--out", words->out, "Folder for images, transforms, truth.vdb and truth.ply")
+        ->required()
+        ->type_name("DIR");
+    const auto number = [&](const char* name, int& value, const char* text, int low, int high) {
+        app.add_option(name, value, std::string(text) + " [" + std::to_string(value) + "]")
+            ->check(CLI::Range(low, high))
+            ->type_name("N");
+    };
+    number("--views", words->dataset.train_views, "Training views", 1, 10000);
+    number("--val-views", words->dataset.val_views, "Validation views", 0, 10000);
+    number("--test-views", words->dataset.test_views, "Test views, from other places", 0, 10000);
+    number("--width", words->dataset.width, "Pixels", 16, 8192);
+    number("--height", words->dataset.height, "Pixels", 16, 8192);
+    number("--resolution", words->resolution, "Voxels along the truth's longest edge", 16, 2048);
+    app.add_flag("--no-truth", words->no_truth, "Leave out truth.vdb and truth.ply");
+    app.add_option("--seed", words->dataset.seed, "Turns the cameras about the scene [1]")->type_name("S");
+    words->shared.add(app, "  nerfvdb synth demo --out data/demo --views 60 --width 400 --height 400");
+    return {&app, [words] { runSynth(*words); }};
+}
+
+}  // namespace nerfvdb

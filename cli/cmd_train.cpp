@@ -1,0 +1,175 @@
+// SPDX-License-Identifier: Apache-2.0
+// nerfvdb train: photographs in; model.vdb, model.ckpt (for --resume) and model.csv (how it went) out.
+#include <fstream>
+#include <map>
+#include <sstream>
+
+#include "cli/commands.h"
+#include "cli/output_path.h"
+#include "cli/process.h"
+#include "cli/quantities.h"
+#include "core/atomic_file.h"
+#include "core/error.h"
+#include "trainer/trainer.h"
+#include "vdb/model_file.h"
+
+namespace nerfvdb {
+namespace {
+
+struct TrainWords {
+    std::string data, out, preset = "default", time, steps, background = "auto", max_memory;
+    std::vector<double> bounds;
+    std::uint64_t seed = TrainOptions{}.seed;
+    bool resume = false, strict = false;
+    SharedOptions shared;
+};
+
+/// The log beside the model: rewritten whole at each interval, so that it is never cut off.
+class CsvLog {
+public:
+    CsvLog(std::filesystem::path path, bool resume) : path_(std::move(path)), resume_(resume) {}
+
+    void add(const TrainProgress& progress) {
+        if (rows_.empty()) keepEarlierRows(progress.step);
+        rows_ += formatted("%lld,%.2f,%.6g,%.3f,%llu,%zu\n", static_cast<long long>(progress.step), progress.seconds,
+                           progress.loss, progress.psnr, static_cast<unsigned long long>(progress.rays),
+                           progress.voxels);
+        writeAtomically(path_, [&](const std::filesystem::path& temporary) {
+            std::ofstream file(temporary, std::ios::binary);
+            file << rows_;
+            file.close();
+            if (!file) throw IoError(path_.string(), "a failed write", "room for the log", "is the disk full?");
+        });
+    }
+
+private:
+    /// A resumed run continues its log where the checkpoint was made.
+    void keepEarlierRows(std::int64_t before_step) {
+        rows_ = "step,seconds,loss,psnr,rays,voxels\n";
+        if (!resume_ || !std::filesystem::exists(path_)) return;
+        std::istringstream earlier(readFile(path_));
+        std::string row;
+        std::getline(earlier, row);  // the head
+        while (std::getline(earlier, row) && std::atoll(row.c_str()) < before_step) rows_ += row + "\n";
+    }
+
+    std::filesystem::path path_;
+    bool resume_;
+    std::string rows_;
+};
+
+TrainOptions trainOptions(const TrainWords& words) {
+    static const std::map<std::string, Preset> kPresets = {
+        {"fast", Preset::fast}, {"default", Preset::standard}, {"best", Preset::best}};
+    static const std::map<std::string, BackgroundMode> kBackgrounds = {{"auto", BackgroundMode::automatic},
+                                                                       {"white", BackgroundMode::white},
+                                                                       {"black", BackgroundMode::black},
+                                                                       {"random", BackgroundMode::random}};
+    TrainOptions options;
+    options.preset = kPresets.at(words.preset);
+    options.background = kBackgrounds.at(words.background);
+    if (!words.time.empty()) options.time_s = parseDuration("--time", words.time);
+    if (!words.steps.empty()) options.steps = parseSteps("--steps", words.steps);
+    if (!words.bounds.empty()) options.bounds = parseBounds("--bounds", words.bounds);
+    if (!words.max_memory.empty()) options.max_memory_bytes = parseSize("--max-memory", words.max_memory);
+    options.seed = words.seed;
+    return options;
+}
+
+void runTrain(const TrainWords& words) {
+    const auto limit = words.shared.begin();
+    TrainOptions options = trainOptions(words);
+    const std::filesystem::path out = words.out;
+    if (out.extension() != ".vdb")
+        throw UsageError("--out", "'" + words.out + "'", "a file name that ends in .vdb");
+    prepareOutputFile("--out", out);
+    const auto beside = [&](const char* extension) { return std::filesystem::path(out).replace_extension(extension); };
+    const std::filesystem::path checkpoint = beside(".ckpt");
+    if (words.resume && !std::filesystem::exists(checkpoint))
+        throw IoError(checkpoint.string(), "no file", "the checkpoint that --resume continues",
+                      "train without --resume first");
+
+    TerminalReport report;
+    const Dataset dataset =
+        readDataset(words.data, Split::train, {.strict = words.strict, .load_photos = true}, report);
+    if (!dataset.views.empty()) {
+        const Camera& camera = dataset.views.front().camera;
+        report.info(formatted("%zu training views, the first of %dx%d", dataset.views.size(), camera.width,
+                              camera.height));
+    }
+
+    CsvLog log(beside(".csv"), words.resume);
+    options.elapsed_s = secondsSinceProcessStart();
+    const TrainResult result = train(
+        dataset, options, report, [&](const TrainProgress& progress) { log.add(progress); }, checkpoint,
+        words.resume);
+    report.end();
+    saveModel(result.model, out);
+
+    const double seconds = secondsSinceProcessStart();
+    const Json json = {{"command", "train"},
+                       {"model", out.string()},
+                       {"train_seconds", seconds},
+                       {"steps", result.steps},
+                       {"schedule", result.model.info.schedule},
+                       {"train_psnr", result.model.info.train_psnr},
+                       {"active_voxels", result.active_voxels},
+                       {"model_bytes", std::filesystem::file_size(out)},
+                       {"peak_memory_bytes", peakMemoryBytes()},
+                       {"seed", options.seed},
+                       {"views", dataset.views.size()},
+                       {"interrupted", result.interrupted},
+                       {"notes", result.notes}};
+    std::string text;
+    for (const std::string& note : result.notes) text += note + "\n";
+    text += formatted("%s: %lld steps, %.2f dB on the training rays, %zu active voxels, %s\n", out.c_str(),
+                      static_cast<long long>(result.steps), result.model.info.train_psnr, result.active_voxels,
+                      sizeText(static_cast<double>(std::filesystem::file_size(out))).c_str());
+    text += formatted("%s in all, at most %s of memory\n", durationText(seconds).c_str(),
+                      sizeText(static_cast<double>(peakMemoryBytes())).c_str());
+    words.shared.finish(json, text);
+    if (result.interrupted)
+        throw Interrupted("stopped at step " + std::to_string(result.steps) + " as asked, and saved " + out.string() +
+                          "; the same command with --resume goes on");
+}
+
+}  // namespace
+
+Command addTrain(CLI::App& program) {
+    auto words = std::make_shared<TrainWords>();
+    CLI::App& app = *program.add_subcommand("train", "Learn a scene from posed photographs");
+    app.add_option("DATA", words->data,
+                   "Folder with transforms_train.json (NeRF-synthetic) or transforms.json (instant-ngp, nerfstudio), "
+                   "or such a file")
+        ->required();
+    app.add_option("--out", words->out, "The model; a checkpoint (.ckpt) and a log (.csv) are laid beside it")
+        ->required()
+        ->type_name("MODEL.vdb");
+    app.add_option("--preset", words->preset, "fast (a minute), default (five) or best (thirty) [default]")
+        ->check(CLI::IsMember({"fast", "default", "best"}))
+        ->type_name("NAME");
+    app.add_option("--time", words->time,
+                   "Wall time from the start of the program to the file on disk: 90s, 5m, 1h; overrides the preset's")
+        ->type_name("DURATION");
+    app.add_option("--steps", words->steps,
+                   "Number of training steps in all, or of each stage (100,400,2000); overrides --time")
+        ->type_name("N");
+    app.add_option("--background", words->background,
+                   "What is behind the scene: auto, white, black, random (learns opacity) [auto]")
+        ->check(CLI::IsMember({"auto", "white", "black", "random"}))
+        ->type_name("NAME");
+    app.add_option("--bounds", words->bounds, "Box of the scene in world units [from the data]")
+        ->expected(6)
+        ->delimiter(',')
+        ->type_name("X0 Y0 Z0 X1 Y1 Z1");
+    app.add_option("--max-memory", words->max_memory, "Stop refining where training would need more: 4GB, 512MiB")
+        ->type_name("SIZE");
+    app.add_flag("--resume", words->resume, "Continue from the checkpoint beside --out");
+    app.add_flag("--strict", words->strict, "A frame without its image is an error, not a warning");
+    app.add_option("--seed", words->seed, "Same seed and --steps, same file, byte for byte [1]")->type_name("S");
+    words->shared.add(app, "  nerfvdb train data/lego --out lego.vdb --time 5m\n"
+                           "\nCtrl-C finishes the step, saves and leaves with exit code 130.");
+    return {&app, [words] { runTrain(*words); }};
+}
+
+}  // namespace nerfvdb

@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// nerfvdb: words in, exit code out. The one place that turns exceptions into exit codes:
+//   0 done   1 failed   2 wrong usage   130 interrupted, after saving
+#include <iostream>
+#include <new>
+
+#include "cli/commands.h"
+#include "core/error.h"
+
+namespace {
+
+using namespace nerfvdb;
+
+enum ExitCode { kDone = 0, kFailed = 1, kWrongUsage = 2, kInterrupted = 130 };
+
+int complain(ExitCode code, const std::string& message) {
+    std::cerr << "nerfvdb: " << message << std::endl;
+    return code;
+}
+
+int runProgram(int argc, char** argv) {
+    CLI::App program("Sparse radiance fields on OpenVDB: photographs in, volumes and meshes out.", "nerfvdb");
+    program.set_version_flag("--version", "nerfvdb " NERFVDB_VERSION);
+    program.require_subcommand(1);
+    program.footer("Example:\n  nerfvdb train photos/ --out model.vdb && nerfvdb export model.vdb --out volume.vdb\n"
+                   "\n'nerfvdb COMMAND --help' tells more.");
+    const Command commands[] = {addTrain(program),  addEval(program), addRender(program), addExport(program),
+                                addMesh(program),   addInfo(program), addSynth(program)};
+    try {
+        program.parse(argc, argv);
+    } catch (const CLI::ParseError& error) {
+        return program.exit(error) == 0 ? kDone : kWrongUsage;  // --help and --version arrive here too
+    }
+    catchInterrupts();
+    for (const Command& command : commands)
+        if (command.words->parsed()) command.run();
+    return kDone;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+    try {
+        return runProgram(argc, argv);
+    } catch (const Interrupted& error) {
+        return complain(kInterrupted, error.what());
+    } catch (const UsageError& error) {
+        return complain(kWrongUsage, error.what());
+    } catch (const std::bad_alloc&) {
+        return complain(kFailed, "out of memory; close other programs, or train with a smaller --max-memory");
+    } catch (const std::exception& error) {
+        return complain(kFailed, error.what());
+    }
+}
