@@ -1,0 +1,86 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/ray_source.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/parallel.h"
+#include "core/random.h"
+
+namespace nerfvdb {
+namespace {
+
+constexpr int kTilePixels = 8;
+
+int tilesAlong(int pixels) { return (pixels + kTilePixels - 1) / kTilePixels; }
+
+}  // namespace
+
+void RaySource::update(const VoxelField& field, const Occupancy& occupancy) {
+    // A leaf stands for its bounding sphere: 8 voxels plus the upper corners of its last cells.
+    std::vector<Vec3d> centers;
+    for (std::size_t leaf = 0; leaf < occupancy.cells.size(); ++leaf) {
+        const LeafMask& cells = occupancy.cells[leaf];
+        if (std::all_of(cells.begin(), cells.end(), [](std::uint64_t word) { return word == 0; })) continue;
+        centers.push_back(field.frame().worldFromIndex(
+            (field.topology().leafCoords()[leaf] * kLeafDim).cast<double>() + Vec3d::Constant(0.5 * kLeafDim)));
+    }
+    const double radius = 0.5 * std::sqrt(3.0) * kLeafDim * field.frame().voxel_size;
+
+    std::vector<std::vector<Tile>> found(dataset_.views.size());
+    parallelFor(found.size(), [&](std::size_t v) {
+        const Camera& camera = dataset_.views[v].camera;
+        const int tiles_x = tilesAlong(camera.width), tiles_y = tilesAlong(camera.height);
+        std::vector<std::uint8_t> is_live(static_cast<std::size_t>(tiles_x) * tiles_y, 0);
+        bool all = false;
+        for (const Vec3d& center : centers) {
+            const double depth = -camera.world_from_camera.col(2).dot(center - camera.position);
+            if (depth < -radius) continue;
+            const std::optional<Vec2d> pixel = depth > 1.5 * radius ? projectPoint(camera, center) : std::nullopt;
+            if (!pixel) {
+                // So near the camera that it may cover anything.
+                all = all || (center - camera.position).norm() < 3 * radius;
+                continue;
+            }
+            const double r = radius * std::max(camera.fx, camera.fy) / (depth - radius) + 1;
+            const int x0 = std::max(0, static_cast<int>(std::floor((pixel->x() - r) / kTilePixels)));
+            const int x1 = std::min(tiles_x - 1, static_cast<int>(std::floor((pixel->x() + r) / kTilePixels)));
+            const int y0 = std::max(0, static_cast<int>(std::floor((pixel->y() - r) / kTilePixels)));
+            const int y1 = std::min(tiles_y - 1, static_cast<int>(std::floor((pixel->y() + r) / kTilePixels)));
+            for (int y = y0; y <= y1; ++y)
+                for (int x = x0; x <= x1; ++x) is_live[static_cast<std::size_t>(y) * tiles_x + x] = 1;
+        }
+        for (int y = 0; y < tiles_y; ++y)
+            for (int x = 0; x < tiles_x; ++x)
+                if (all || is_live[static_cast<std::size_t>(y) * tiles_x + x])
+                    found[v].push_back({static_cast<std::uint16_t>(v), static_cast<std::uint16_t>(x),
+                                        static_cast<std::uint16_t>(y)});
+    });
+    tiles_.clear();
+    for (const std::vector<Tile>& tiles : found) tiles_.insert(tiles_.end(), tiles.begin(), tiles.end());
+}
+
+TrainingRay RaySource::draw(std::uint64_t step, std::uint64_t index) const {
+    const std::uint64_t bits = randomBits(seed_, step, index);
+    const Tile& tile = tiles_[(bits >> 32) * tiles_.size() >> 32];
+    const View& view = dataset_.views[tile.view];
+    const int x0 = tile.x * kTilePixels, y0 = tile.y * kTilePixels;
+    const int width = std::min(kTilePixels, view.camera.width - x0);
+    const int height = std::min(kTilePixels, view.camera.height - y0);
+    const std::uint64_t more = mixBits(bits);
+    const int x = x0 + static_cast<int>((more & 0xffff) * static_cast<unsigned>(width) >> 16);
+    const int y = y0 + static_cast<int>((more >> 16 & 0xffff) * static_cast<unsigned>(height) >> 16);
+
+    TrainingRay drawn;
+    drawn.ray = cameraRay(view.camera, x + 0.5, y + 0.5);
+    drawn.jitter = unitFloat(static_cast<std::uint32_t>(more >> 32));
+    const auto& pixel = view.photo.pixels[static_cast<std::size_t>(y) * view.camera.width + x];
+    for (int c = 0; c < 4; ++c) drawn.rgba[c] = static_cast<float>(pixel[c]) * (1.0f / 255.0f);
+    drawn.bits = mixBits(more);
+    drawn.view = tile.view;
+    drawn.x = x;
+    drawn.y = y;
+    return drawn;
+}
+
+}  // namespace nerfvdb

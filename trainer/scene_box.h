@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where the scene is, and which of its cells could hold something at all, from cameras and alpha masks alone.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "trainer/dataset.h"
+#include "vdb/topology.h"
+#include "vdb/voxel_field.h"
+
+namespace nerfvdb {
+
+/// A grid over a box: the frame, and voxels per axis (multiples of 8). The longest side has `resolution` voxels.
+struct BoxGrid {
+    GridFrame frame;
+    Vec3i dims;
+};
+BoxGrid gridOver(const Box& box, int resolution);
+
+/// Cells of a grid that no photograph rules out: those that at least two cameras see (one, if there is only one)
+/// and, where photos have alpha, that no mask shows to be empty (the visual hull; Laurentini 1994).
+/// A cell stands for its bounding sphere; a view that sees only a part of it cannot rule it out.
+std::vector<Topology::LeafCells> possibleCells(const Dataset& dataset, const BoxGrid& grid);
+
+/// The scene's box: given, else the data set's aabb_scale, else the bounds of the visual hull where photos have
+/// alpha, else the cameras' common view. Throws DataError when nothing is left.
+Box findSceneBox(const Dataset& dataset, const std::optional<Box>& given);
+
+/// The point nearest to all the cameras' optical axes (least squares); the mean of the positions when the axes
+/// are parallel.
+Vec3d commonFocus(const Dataset& dataset);
+
+}  // namespace nerfvdb

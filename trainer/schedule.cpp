@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/schedule.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/error.h"
+
+namespace nerfvdb {
+
+std::vector<Stage> defaultStages(int n_levels) {
+    // Many small batches while space is being carved, large ones once there is detail to learn: at 64 voxels a
+    // large batch prunes nothing.
+    constexpr int kBatch[kMaxLevels] = {512, 1024, 4096, 8192};
+    constexpr double kEnd[kMaxLevels] = {0.02, 0.06, 0.35, 1.0};  // of the time, when there are all levels
+    if (n_levels < 1 || n_levels > kMaxLevels) throw UsageError("schedule: levels must be 1 to 4");
+    std::vector<Stage> stages;
+    double begin = 0;
+    for (int level = 0; level < n_levels; ++level) {
+        const bool is_finest = level + 1 == n_levels;
+        const double end = is_finest ? 1.0 : kEnd[level];
+        const int n_parts = is_finest ? 2 : 1;
+        for (int part = 0; part < n_parts; ++part)
+            stages.push_back({level, kBatch[level], (end - begin) / n_parts, 0});
+        begin = end;
+    }
+    return stages;
+}
+
+double relativeRayCost(int level) {
+    constexpr double kCost[kMaxLevels] = {1.0, 1.15, 1.5, 2.1};
+    return kCost[std::clamp(level, 0, kMaxLevels - 1)];
+}
+
+void planSteps(std::vector<Stage>& stages, std::int64_t total) {
+    double sum = 0;
+    const auto weight = [](const Stage& stage) { return stage.share / (stage.batch * relativeRayCost(stage.level)); };
+    for (const Stage& stage : stages) sum += weight(stage);
+    double exact = 0;
+    std::int64_t given = 0;
+    for (Stage& stage : stages) {
+        exact += static_cast<double>(total) * weight(stage) / sum;
+        stage.steps = std::llround(exact) - given;
+        given += stage.steps;
+    }
+}
+
+std::string scheduleText(const std::vector<Stage>& stages) {
+    std::string text;
+    for (const Stage& stage : stages) {
+        if (!text.empty()) text += ',';
+        text += std::to_string(stage.steps);
+    }
+    return text;
+}
+
+double progressAt(const std::vector<Stage>& stages, std::size_t stage, std::int64_t step_in_stage) {
+    double done = 0;
+    for (std::size_t s = 0; s < stage; ++s) done += stages[s].share;
+    if (stage < stages.size() && stages[stage].steps > 0)
+        done += stages[stage].share * static_cast<double>(step_in_stage) / static_cast<double>(stages[stage].steps);
+    return std::min(done, 1.0);
+}
+
+}  // namespace nerfvdb

@@ -1,0 +1,40 @@
+// SPDX-License-Identifier: Apache-2.0
+// The order of learning: which voxel size, how many rays a step, how fast. Driven by steps, never by the clock,
+// so that a slow machine learns the same; a wish for time is turned into steps by a cost model (planSteps).
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace nerfvdb {
+
+/// A run of steps at one voxel size.
+struct Stage {
+    int level = 0;            // 0: kCoarsestResolution voxels along the longest side; each level doubles it
+    int batch = 0;            // rays a step
+    double share = 0;         // of the training time
+    std::int64_t steps = 0;   // 0 until planned
+};
+
+inline constexpr int kCoarsestResolution = 64;  // voxels along the longest side at level 0
+inline constexpr int kMaxLevels = 4;            // 64 to 512
+
+/// Stages for 1 to kMaxLevels levels, coarse to fine; the finest level has two (so that its second half can be
+/// planned from the cost of its first).
+std::vector<Stage> defaultStages(int n_levels);
+
+/// Fills in steps so that they sum to `total`, in proportion share / (cost of a step), with the relative cost per
+/// ray of a typical scene.
+void planSteps(std::vector<Stage>& stages, std::int64_t total);
+
+/// Relative cost of a ray at a level, 1 at level 0; measured on several scenes.
+double relativeRayCost(int level);
+
+/// "120,300,900,2400,2400"
+std::string scheduleText(const std::vector<Stage>& stages);
+
+/// Fraction of the training done after `step_in_stage` steps of stage `stage`, [0, 1]: shares, not steps.
+double progressAt(const std::vector<Stage>& stages, std::size_t stage, std::int64_t step_in_stage);
+
+}  // namespace nerfvdb

@@ -1,0 +1,110 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/train_step.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/parallel.h"
+#include "core/random.h"
+
+namespace nerfvdb {
+
+StepReport TrainStepper::step(TrainState& state, const RaySource& source, std::uint64_t step, int batch,
+                              const StepRates& rates, const TraceOptions& trace) {
+    // Tiles small enough that a coarse batch still feeds every core; their size follows from the batch alone.
+    const int tile_rays = std::clamp(batch / 32, 64, kMaxTileRays);
+    const std::size_t n_tiles = static_cast<std::size_t>((batch + tile_rays - 1) / tile_rays);
+    if (tiles_.size() < n_tiles) tiles_.resize(n_tiles);
+    if (gradients_.size() < n_tiles) gradients_.resize(n_tiles);
+
+    const TraceScene scene(state.field, state.occupancy);
+    parallelFor(n_tiles, [&](std::size_t t) {
+        const int first = static_cast<int>(t) * tile_rays;
+        runTile(state, source, step, first, std::min(tile_rays, batch - first), scene, trace, tiles_[t],
+                gradients_[t]);
+    });
+
+    StepReport report;
+    for (std::size_t t = 0; t < n_tiles; ++t) {
+        const StepReport& tile = tiles_[t].report;
+        report.squared_error += tile.squared_error;
+        report.rays += tile.rays;
+        report.trace += tile.trace;
+        if (!tile.is_finite && report.is_finite) {
+            report.is_finite = false;
+            report.bad_view = tile.bad_view, report.bad_x = tile.bad_x, report.bad_y = tile.bad_y;
+        }
+    }
+    if (!report.is_finite) return report;  // nothing has moved yet
+
+    const int channels = state.field.channels();
+    const RmsPropRates voxel_rates{rates.density, rates.features, rates.decay, rates.epsilon};
+    scatter_.run(state.field.topology(), channels, std::span(gradients_.data(), n_tiles),
+                 [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask& seen) {
+                     const std::size_t first = static_cast<std::size_t>(leaf) * kLeafVoxels;
+                     simd::rmsPropLeaf(channels, voxel_rates, gradient, &state.field.density()[first],
+                                       &state.density_moment[first], &state.field.features()[first * channels],
+                                       &state.feature_moment[first]);
+                     for (int word = 0; word < kLeafWords; ++word) state.seen[leaf][word] |= seen[word];
+                 });
+
+    dl_dnetwork_.resize(state.decoder.parameters().size());
+    parallelRanges(dl_dnetwork_.size(), 512, [&](std::size_t first, std::size_t last) {
+        std::fill(dl_dnetwork_.begin() + first, dl_dnetwork_.begin() + last, 0.0f);
+        for (std::size_t t = 0; t < n_tiles; ++t)
+            for (std::size_t i = first; i < last; ++i) dl_dnetwork_[i] += tiles_[t].dl_dnetwork[i];
+    });
+    state.network.step(state.decoder.parameters(), dl_dnetwork_, rates.network);
+    return report;
+}
+
+void TrainStepper::runTile(TrainState& state, const RaySource& source, std::uint64_t step, int first_ray, int n_rays,
+                           const TraceScene& scene, const TraceOptions& trace, Tile& tile,
+                           TileGradients& gradients) {
+    Worker& worker = workers_.local();
+    RayTracer& tracer = worker.tracer;
+    tracer.clear();
+    tracer.resetCounters();
+    for (int r = 0; r < n_rays; ++r) {
+        worker.rays[r] = source.draw(step, static_cast<std::uint64_t>(first_ray + r));
+        tracer.addRay(scene, worker.rays[r].ray, trace.step_voxels, worker.rays[r].jitter);
+    }
+    tracer.trace(scene, trace, gradients.kept);
+    state.decoder.forward(n_rays, tracer.rayFeatures(), tracer.directions(), worker.rgb.data(), worker.decoding);
+
+    tile.report = {};
+    tile.report.rays = static_cast<std::uint64_t>(n_rays);
+    for (int r = 0; r < n_rays; ++r) {
+        const TrainingRay& drawn = worker.rays[r];
+        const float transmittance = tracer.transmittance()[r], opacity = 1 - transmittance;
+        float dl_dtransmittance = 0, error = 0;
+        for (int c = 0; c < 3; ++c) {
+            const float behind = state.random_background
+                                     ? unitFloat(static_cast<std::uint32_t>(mixBits(drawn.bits + c)))
+                                     : state.background[c];
+            const float target = drawn.rgba[c] * drawn.rgba[3] + behind * (1 - drawn.rgba[3]);
+            const float color = opacity * worker.rgb[3 * r + c] + transmittance * behind;
+            const float difference = color - target;
+            const float slope = 2 * difference;
+            error += difference * difference;
+            worker.dl_drgb[3 * r + c] = slope * opacity;
+            dl_dtransmittance += slope * (behind - worker.rgb[3 * r + c]);
+        }
+        worker.dl_dtransmittance[r] = dl_dtransmittance;
+        tile.report.squared_error += error;
+        if (!std::isfinite(error) && tile.report.is_finite) {
+            tile.report.is_finite = false;
+            tile.report.bad_view = drawn.view, tile.report.bad_x = drawn.x, tile.report.bad_y = drawn.y;
+        }
+    }
+
+    tile.dl_dnetwork.assign(state.decoder.parameters().size(), 0.0f);
+    gradients.dl_dray_features.resize(static_cast<std::size_t>(kMaxTileRays) * state.field.channels());
+    state.decoder.backward(n_rays, worker.dl_drgb.data(), gradients.dl_dray_features.data(), tile.dl_dnetwork,
+                           worker.decoding);
+    tracer.traceBackward(scene, gradients.dl_dray_features.data(), worker.dl_dtransmittance.data(), gradients.kept);
+    gradients.bin(state.field.topology());
+    tile.report.trace = tracer.counters();
+}
+
+}  // namespace nerfvdb

@@ -1,0 +1,78 @@
+// SPDX-License-Identifier: Apache-2.0
+// One step of learning on one level: draw rays, trace, decode, compare, and all of it backwards into the voxels.
+// The state of a level and everything that a checkpoint must keep.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/optimizer.h"
+#include "trainer/ray_source.h"
+#include "vdb/decoder.h"
+#include "vdb/leaf_scatter.h"
+#include "vdb/ray_tracer.h"
+
+namespace nerfvdb {
+
+/// How far parameters move in one step.
+struct StepRates {
+    float density = 0.3f;
+    float features = 0.03f;
+    float network = 3e-3f;
+    float decay = 0.95f;    // of the voxels' second moments
+    float epsilon = 1e-4f;  // on gradients summed over the batch
+};
+
+/// What learns.
+struct TrainState {
+    VoxelField field;
+    HugeArray<float> density_moment;  // [leaf][512]
+    HugeArray<float> feature_moment;  // [leaf][512], one for all channels of a voxel
+    Decoder decoder;
+    Adam network;
+    Occupancy occupancy;
+    std::vector<LeafMask> seen;       // [leaf] cells that held a kept sample since the last reset
+    Vec3f background = Vec3f::Ones();
+    bool random_background = false;   // train against a random colour behind each ray (needs alpha)
+};
+
+/// What a step saw; sums over its rays.
+struct StepReport {
+    double squared_error = 0;  // summed over rays and channels
+    std::uint64_t rays = 0;
+    TraceCounters trace;
+    bool is_finite = true;
+    int bad_view = -1, bad_x = 0, bad_y = 0;  // a ray whose colour was not finite
+};
+
+/// Runs steps; owns the working memory. Results do not depend on the number of threads.
+class TrainStepper {
+public:
+    StepReport step(TrainState& state, const RaySource& source, std::uint64_t step, int batch,
+                    const StepRates& rates, const TraceOptions& trace);
+
+private:
+    static constexpr int kMaxTileRays = 256;
+    struct Worker {
+        RayTracer tracer{kMaxTileRays};
+        Decoder::Workspace decoding;
+        std::vector<TrainingRay> rays = std::vector<TrainingRay>(kMaxTileRays);
+        std::vector<float> rgb = std::vector<float>(3 * kMaxTileRays);
+        std::vector<float> dl_drgb = std::vector<float>(3 * kMaxTileRays);
+        std::vector<float> dl_dtransmittance = std::vector<float>(kMaxTileRays);
+    };
+    struct Tile {
+        std::vector<float> dl_dnetwork;
+        StepReport report;
+    };
+    void runTile(TrainState& state, const RaySource& source, std::uint64_t step, int first_ray, int n_rays,
+                 const TraceScene& scene, const TraceOptions& trace, Tile& tile, TileGradients& gradients);
+
+    PerThread<Worker> workers_;
+    std::vector<Tile> tiles_;
+    std::vector<TileGradients> gradients_;
+    std::vector<float> dl_dnetwork_;
+    LeafScatter scatter_;
+};
+
+}  // namespace nerfvdb

@@ -1,0 +1,32 @@
+// SPDX-License-Identifier: Apache-2.0
+// How a field follows the scene: cells are dropped where nothing is, and split in eight where more is to be seen.
+// Values are carried over exactly: halving the voxel size changes nothing that a ray reads.
+#pragma once
+
+#include <span>
+
+#include "vdb/topology.h"
+#include "vdb/voxel_field.h"
+
+namespace nerfvdb {
+
+/// The topology of half the voxel size in which every cell of `cells` (a subset per leaf) became eight.
+Topology subdivide(const Topology& coarse, std::span<const LeafMask> cells);
+
+/// The topology that keeps `cells` (a subset per leaf) and nothing else.
+Topology prune(const Topology& topology, std::span<const LeafMask> cells);
+
+/// Values of a pool of bricks ([leaf][512][channels]) at half the voxel size: fine voxels lie on coarse ones or
+/// half-way between, so trilinear interpolation is a mean of 1, 2, 4 or 8. Voxels of `fine` only; others untouched.
+void refineValues(const Topology& coarse, const Topology& fine, int channels, std::span<const float> in,
+                  std::span<float> out);
+
+/// Copies the values of voxels that both topologies have; same voxel size.
+void copyValues(const Topology& from, const Topology& to, int channels, std::span<const float> in,
+                std::span<float> out);
+
+/// Both for a whole field.
+VoxelField refineField(const VoxelField& field, Topology fine);
+VoxelField copyField(const VoxelField& field, Topology to);
+
+}  // namespace nerfvdb
