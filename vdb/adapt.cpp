@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vdb/adapt.h"
 
+#include <openvdb/tools/Morphology.h>
+
 #include <algorithm>
 #include <array>
 #include <bit>
 #include <vector>
 
 #include "core/parallel.h"
+#include "vdb/topology_tree.h"
 
 namespace nerfvdb {
 namespace {
@@ -42,6 +45,20 @@ Topology prune(const Topology& topology, std::span<const LeafMask> cells) {
     for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf)
         kept.push_back({topology.leafCoords()[leaf], cells[leaf]});
     return Topology(topology.dims(), kept);
+}
+
+std::vector<LeafMask> dilateCells(const Topology& topology, std::span<const LeafMask> cells) {
+    openvdb::MaskTree tree;
+    for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf)
+        tree.touchLeaf(leafOrigin(topology.leafCoords()[leaf]))->setValueMask(nodeMask(cells[leaf]));
+    openvdb::tools::dilateActiveValues(tree, 1, openvdb::tools::NN_FACE_EDGE_VERTEX, openvdb::tools::IGNORE_TILES);
+    std::vector<LeafMask> result(topology.leafCount());
+    for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf) {
+        const auto* grown = tree.probeConstLeaf(leafOrigin(topology.leafCoords()[leaf]));
+        if (grown) result[leaf] = leafMask(grown->getValueMask());
+        for (int word = 0; word < kLeafWords; ++word) result[leaf][word] &= topology.cells()[leaf][word];
+    }
+    return result;
 }
 
 void refineValues(const Topology& coarse, const Topology& fine, int channels, std::span<const float> in,

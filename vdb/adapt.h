@@ -4,6 +4,7 @@
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "vdb/topology.h"
 #include "vdb/voxel_field.h"
@@ -15,6 +16,9 @@ Topology subdivide(const Topology& coarse, std::span<const LeafMask> cells);
 
 /// The topology that keeps `cells` (a subset per leaf) and nothing else.
 Topology prune(const Topology& topology, std::span<const LeafMask> cells);
+
+/// `cells` (a subset per leaf) and their neighbours across faces, edges and corners, as far as they exist.
+std::vector<LeafMask> dilateCells(const Topology& topology, std::span<const LeafMask> cells);
 
 /// Values of a pool of bricks ([leaf][512][channels]) at half the voxel size: fine voxels lie on coarse ones or
 /// half-way between, so trilinear interpolation is a mean of 1, 2, 4 or 8. Voxels of `fine` only; others untouched.
