@@ -17,18 +17,23 @@ constexpr double kRadius = 0.66;     // of the ornament
 constexpr double kHollow = 0.40;     // radius of the space around the core
 constexpr double kFrequency = 8.6;   // of the gyroid: phase per world unit
 constexpr double kThickness = 0.30;  // of its sheet, as a value of the gyroid's function
+// The plinth: a drum on a wider foot.
 constexpr double kPlinthTop = -0.44;
+constexpr double kFootRadius = 1.0, kFootHalf = 0.06, kDrumRadius = 0.86, kDrumHalf = 0.10, kEdgeRound = 0.025;
+const Vec3d kFoot(0, 0, kPlinthTop - 0.22), kDrum(0, 0, kPlinthTop - kDrumHalf);
 
-/// sin x cos y + sin y cos z + sin z cos x (Schoen's gyroid is where it vanishes), and its derivative.
-/// |slope| <= sqrt(3), reached where all phases are zero.
+/// sin x cos y + sin y cos z + sin z cos x (Schoen's gyroid is where it vanishes), x = kFrequency * q.x and so
+/// on, and its derivative in x, y, z: |slope| <= sqrt(3), reached where all phases are zero.
 struct Gyroid {
     double value;
     Vec3d slope;
 };
-Gyroid gyroid(const Vec3d& x) {
-    const Vec3d s = x.array().sin(), c = x.array().cos();
-    return {s.x() * c.y() + s.y() * c.z() + s.z() * c.x(),
-            {c.x() * c.y() - s.z() * s.x(), c.y() * c.z() - s.x() * s.y(), c.z() * c.x() - s.y() * s.z()}};
+Gyroid gyroid(const Vec3d& q) {
+    // One by one: the compiler then makes a single call of each sine and cosine.
+    const double x = kFrequency * q.x(), y = kFrequency * q.y(), z = kFrequency * q.z();
+    const double sx = std::sin(x), cx = std::cos(x), sy = std::sin(y), cy = std::cos(y);
+    const double sz = std::sin(z), cz = std::cos(z);
+    return {sx * cy + sy * cz + sz * cx, {cx * cy - sz * sx, cy * cz - sx * sy, cz * cx - sy * sz}};
 }
 
 class DemoScene final : public SolidScene {
@@ -44,7 +49,7 @@ public:
     }
 
 private:
-    enum class Body { ornament, core, plinth, holder, rim };
+    enum class Body { ornament, core, foot, drum, holder, rim };
     struct Nearest {
         double distance;
         Body body;
@@ -55,36 +60,33 @@ private:
             if (d < best.distance) best = {d, body};
         };
         consider(ballDistance(p - kCentre, 0.27), Body::core);
-        consider(plinth(p), Body::plinth);
+        consider(discDistance(p - kFoot, kFootRadius, kFootHalf, kEdgeRound), Body::foot);
+        consider(discDistance(p - kDrum, kDrumRadius, kDrumHalf, kEdgeRound), Body::drum);
         consider(torusDistance(p - Vec3d(0, 0, kPlinthTop + 0.035), 0.36, 0.055), Body::holder);
         consider(torusDistance(p - Vec3d(0, 0, kPlinthTop - 0.005), 0.835, 0.024), Body::rim);
         return best;
     }
     static Vec3d slope(const Vec3d& p, Body body) {
-        const double r = std::max(std::hypot(p.x(), p.y()), 1e-12);
+        const double r = std::max(length(p.x(), p.y()), 1e-12);
         const auto fromRing = [&](double ring_radius, double height) {
             const double outwards = 1.0 - ring_radius / r;
             return Vec3d(p.x() * outwards, p.y() * outwards, p.z() - height).normalized();
         };
         switch (body) {
             case Body::ornament:
-                return ornamentSlope(p);
+                return ornamentSlope(p - kCentre, gyroid(p - kCentre));
             case Body::core:
                 return (p - kCentre).normalized();
             case Body::holder:
                 return fromRing(0.36, kPlinthTop + 0.035);
             case Body::rim:
                 return fromRing(0.835, kPlinthTop - 0.005);
-            case Body::plinth:
-                break;
+            case Body::foot:
+                return discSlope(p - kFoot, kFootRadius, kFootHalf, kEdgeRound);
+            case Body::drum:
+                return discSlope(p - kDrum, kDrumRadius, kDrumHalf, kEdgeRound);
         }
-        constexpr double kStep = 0.002;
-        Vec3d slope;
-        for (int axis = 0; axis < 3; ++axis) {
-            const Vec3d step = kStep * Vec3d::Unit(axis);
-            slope[axis] = (plinth(p + step) - plinth(p - step)) / (2.0 * kStep);
-        }
-        return slope;
+        return Vec3d::UnitZ();
     }
 
     /// A gyroid sheet, cut to a ball and hollowed around the core, its edges rounded.
@@ -93,16 +95,14 @@ private:
         const double r = q.norm();
         if (r > kRadius + 0.1) return r - kRadius;  // a lower bound is all that rays need out there
         if (r < kHollow - 0.1) return kHollow - r;
-        const double sheet = sheetDistance(gyroid(kFrequency * q).value);
+        const double sheet = sheetDistance(gyroid(q).value);
         return smoothIntersection(smoothIntersection(sheet, r - kRadius, kRound), kHollow - r, kRound);
     }
-    static Vec3d ornamentSlope(const Vec3d& p) {
-        const Vec3d q = p - kCentre;
+    static Vec3d ornamentSlope(const Vec3d& q, const Gyroid& g) {
         const double r = q.norm();
         if (r == 0.0) return Vec3d::Zero();
         if (r > kRadius + 0.1) return q / r;
         if (r < kHollow - 0.1) return -q / r;
-        const Gyroid g = gyroid(kFrequency * q);
         const double sheet = sheetDistance(g.value), cut = smoothIntersection(sheet, r - kRadius, kRound);
         const double of_ball = smoothIntersectionShare(sheet, r - kRadius, kRound);
         const double of_hollow = smoothIntersectionShare(cut, kHollow - r, kRound);
@@ -114,13 +114,6 @@ private:
         return (std::abs(gyroid_value) - kThickness) / (kFrequency * std::numbers::sqrt3);
     }
 
-    /// Two round steps.
-    static double plinth(const Vec3d& p) {
-        const double foot = discDistance(p - Vec3d(0, 0, kPlinthTop - 0.22), 1.0, 0.06, 0.025);
-        const double drum = discDistance(p - Vec3d(0, 0, kPlinthTop - 0.10), 0.86, 0.10, 0.025);
-        return std::min(foot, drum);
-    }
-
     struct Shaded {
         Vec3d light;  // scene-linear, before display()
         Vec3d gloss;  // what a full highlight adds
@@ -129,27 +122,23 @@ private:
 
     Shaded shade(const Vec3d& p) const {
         const Body body = nearest(p).body;
-        const Vec3d n = slope(p, body).normalized();
         const LightGrid::Light share = light_.at(p);
-        Vec3d albedo, gloss, glow = Vec3d::Zero();
-        switch (body) {
-            case Body::ornament: {
-                const Vec3d q = p - kCentre;
-                const double r = q.norm();
-                albedo = porcelain(q);
-                gloss = Vec3d::Constant(0.35);
-                // Light that the golden core throws back on the inner walls.
-                const double inwards = std::max(-n.dot(q / r), 0.0);
-                glow = albedo.cwiseProduct(Vec3d(0.50, 0.24, 0.06)) * inwards * smoothStep((0.64 - r) / 0.26);
-                break;
-            }
-            case Body::plinth:
-                albedo = enamel(p);
-                gloss = Vec3d::Constant(0.15);
-                break;
-            default:
-                albedo = Vec3d(0.80, 0.46, 0.12);
-                gloss = Vec3d(0.9, 0.62, 0.25);
+        Vec3d n, albedo, gloss, glow = Vec3d::Zero();
+        if (body == Body::ornament) {
+            const Vec3d q = p - kCentre;
+            const Gyroid g = gyroid(q);
+            const double r = q.norm();
+            n = ornamentSlope(q, g).normalized();
+            albedo = porcelain(r, g.value);
+            gloss = Vec3d::Constant(0.35);
+            // Light that the golden core throws back on the inner walls.
+            const double inwards = std::max(-n.dot(q / r), 0.0);
+            glow = albedo.cwiseProduct(Vec3d(0.50, 0.24, 0.06)) * inwards * smoothStep((0.64 - r) / 0.26);
+        } else {
+            n = slope(p, body);
+            const bool is_enamel = body == Body::foot || body == Body::drum;
+            albedo = is_enamel ? enamel(p) : Vec3d(0.80, 0.46, 0.12);
+            gloss = is_enamel ? Vec3d::Constant(0.15) : Vec3d(0.9, 0.62, 0.25);
         }
         const double sun = 2.0 * share.sun * std::max(n.dot(sunDirection()), 0.0);
         const double up = 0.5 + 0.5 * n.z();
@@ -158,17 +147,17 @@ private:
     }
 
     /// White at the outside; inwards coral on one side of the sheet, teal on the other.
-    static Vec3d porcelain(const Vec3d& q) {
+    static Vec3d porcelain(double r, double gyroid_value) {
         const Vec3d white(0.86, 0.82, 0.74), coral(0.84, 0.19, 0.09), teal(0.02, 0.34, 0.42);
-        const double depth = smoothStep((kRadius - 0.02 - q.norm()) / 0.20);
-        const double side = smoothStep(0.5 + 4.0 * gyroid(kFrequency * q).value);
+        const double depth = smoothStep((kRadius - 0.02 - r) / 0.20);
+        const double side = smoothStep(0.5 + 4.0 * gyroid_value);
         return (1.0 - depth) * white + depth * (side * coral + (1.0 - side) * teal);
     }
 
     /// Night-blue, with a band of coloured tiles around the drum and a rosette on top.
     static Vec3d enamel(const Vec3d& p) {
         const Vec3d night(0.018, 0.042, 0.12), ivory(0.78, 0.72, 0.58);
-        const double angle = std::atan2(p.y(), p.x()), r = std::hypot(p.x(), p.y());
+        const double angle = std::atan2(p.y(), p.x()), r = length(p.x(), p.y());
         if (p.z() < kPlinthTop - 0.165) return night;
         if (p.z() < kPlinthTop - 0.03) {
             const double height = (p.z() - kPlinthTop + 0.095) / 0.055;
@@ -185,8 +174,8 @@ private:
         return (1.0 - inlay) * ground + inlay * ivory;
     }
 
-    /// From light without a ceiling to sRGB values: a soft shoulder, then the usual power.
-    static Vec3d display(const Vec3d& light) { return (1.0 - (-1.25 * light.array()).exp()).pow(1.0 / 2.2); }
+    /// From light without a ceiling to sRGB values: a soft shoulder, then a square root for sRGB's curve.
+    static Vec3d display(const Vec3d& light) { return (1.0 - (-1.35 * light.array()).exp()).sqrt(); }
 
     LightGrid light_;
 };

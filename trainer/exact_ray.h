@@ -15,9 +15,9 @@ struct RayColour {
 };
 
 struct ExactRayOptions {
-    double tolerance = 5e-5;   // largest estimated error that one panel may add
-    double panel_scale = 1.0;  // first panel length over the scene's featureLength
-    double stop_transmittance = 1e-5;
+    double tolerance = 5e-5;           // largest estimated error that one panel may add
+    double panel_scale = 1.0;          // first panel length over the scene's featureLength
+    double stop_transmittance = 1e-4;  // a ray ends when less light than this is left
 };
 
 /// C = integral of T sigma c dt, T = exp(-integral of sigma), over the scene's box from t = 0 on (Max 1995).

@@ -11,6 +11,9 @@
 
 namespace nerfvdb {
 
+/// Length of (x, y). Scenes are of size one: std::hypot's care for overflow would cost ten times as much.
+inline double length(double x, double y) { return std::sqrt(x * x + y * y); }
+
 inline double ballDistance(const Vec3d& p, double radius) { return p.norm() - radius; }
 
 /// From the nearest point of the line segment a b to p; its length less a radius is the distance to a round
@@ -23,14 +26,24 @@ inline Vec3d fromRodAxis(const Vec3d& p, const Vec3d& a, const Vec3d& b) {
 
 /// Ring about the z axis.
 inline double torusDistance(const Vec3d& p, double ring_radius, double tube_radius) {
-    return std::hypot(std::hypot(p.x(), p.y()) - ring_radius, p.z()) - tube_radius;
+    return length(length(p.x(), p.y()) - ring_radius, p.z()) - tube_radius;
 }
 
 /// Cylinder about the z axis with edges rounded by `rounding`, which is part of radius and half_height.
 inline double discDistance(const Vec3d& p, double radius, double half_height, double rounding) {
-    const double x = std::hypot(p.x(), p.y()) - (radius - rounding);
+    const double x = length(p.x(), p.y()) - (radius - rounding);
     const double y = std::abs(p.z()) - (half_height - rounding);
-    return std::min(std::max(x, y), 0.0) + std::hypot(std::max(x, 0.0), std::max(y, 0.0)) - rounding;
+    return std::min(std::max(x, y), 0.0) + length(std::max(x, 0.0), std::max(y, 0.0)) - rounding;
+}
+
+/// Derivative of discDistance.
+inline Vec3d discSlope(const Vec3d& p, double radius, double half_height, double rounding) {
+    const double r = length(p.x(), p.y());
+    const Vec3d outwards = r > 0.0 ? Vec3d(p.x() / r, p.y() / r, 0.0) : Vec3d::Zero();
+    const Vec3d upwards(0.0, 0.0, p.z() < 0.0 ? -1.0 : 1.0);
+    const double x = r - (radius - rounding), y = std::abs(p.z()) - (half_height - rounding);
+    if (x > 0.0 && y > 0.0) return (x * outwards + y * upwards) / length(x, y);
+    return x > y ? outwards : upwards;
 }
 
 /// Box with edges rounded by `rounding`, which is part of half_size.

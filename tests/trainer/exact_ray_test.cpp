@@ -60,16 +60,16 @@ TEST_CASE("a slab of constant density and a colour ramp: the closed form", "[exa
         INFO("sigma " << sigma);
         const SlabField slab(sigma);
         const RayColour light = exactRay(slab, {{-3, 0.2, 0.1}, Vec3d::UnitX()});
-        // A constant density is integrated exactly; a ray may stop at T = 1e-5.
-        CHECK(std::abs(light.opacity - slab.opacity()) < 1.1e-5);
+        // A constant density is integrated exactly; a ray may stop at T = 1e-4.
+        CHECK(std::abs(light.opacity - slab.opacity()) < 1.1e-4);
         CHECK(light.rgb[2] == Approx(0.5 * light.opacity).epsilon(1e-12));
-        // Twenty panels, each with an error of at most 5e-5 by its own estimate, in truth far less.
-        CHECK(std::abs(light.rgb[0] - slab.risingColour()) < 1e-4);
-        CHECK(std::abs(light.rgb[1] - (slab.opacity() - slab.risingColour())) < 1e-4);
+        // The light behind T = 1e-4, and the panels' errors, which by their estimate are below 5e-5 each.
+        CHECK(std::abs(light.rgb[0] - slab.risingColour()) < 2e-4);
+        CHECK(std::abs(light.rgb[1] - (slab.opacity() - slab.risingColour())) < 2e-4);
         // Backwards the ramp falls; a ray that starts inside sees only what lies ahead; one that misses sees
         // nothing.
-        CHECK(std::abs(exactRay(slab, {{3, 0, 0}, -Vec3d::UnitX()}).rgb[1] - slab.risingColour()) < 1e-4);
-        CHECK(std::abs(exactRay(slab, {{0, 0, 0}, Vec3d::UnitX()}).opacity + std::expm1(-sigma)) < 1.1e-5);
+        CHECK(std::abs(exactRay(slab, {{3, 0, 0}, -Vec3d::UnitX()}).rgb[1] - slab.risingColour()) < 2e-4);
+        CHECK(std::abs(exactRay(slab, {{0, 0, 0}, Vec3d::UnitX()}).opacity + std::expm1(-sigma)) < 1.1e-4);
         CHECK(exactRay(slab, {{-3, 1.01, 0}, Vec3d::UnitX()}).opacity == 0.0);
         CHECK(exactRay(slab, {{-3, 0, 0}, -Vec3d::UnitX()}).opacity == 0.0);
     }
@@ -83,10 +83,10 @@ TEST_CASE("a Gaussian blob: the closed form at any distance, whole and cut in ha
             const Vec3d direction = Vec3d(1, 2, -2) / 3, aside = distance * Vec3d(0, 1, 1).normalized();
             const RayColour whole = exactRay(blob, {aside - 3 * direction, direction});
             // 16 panels of at most 5e-5 each are 8e-4; their errors differ in sign and are overestimated.
-            CHECK(std::abs(whole.opacity - blob.opacity(distance)) < 1e-4);
+            CHECK(std::abs(whole.opacity - blob.opacity(distance)) < 2e-4);
             CHECK(whole.rgb[0] == Approx(0.7 * whole.opacity).margin(1e-12));
             const RayColour half = exactRay(blob, {aside, direction});
-            CHECK(std::abs(half.opacity - blob.opacityFromCentre(distance)) < 1e-4);
+            CHECK(std::abs(half.opacity - blob.opacityFromCentre(distance)) < 2e-4);
         }
     }
 }
