@@ -16,14 +16,6 @@ inline double length(double x, double y) { return std::sqrt(x * x + y * y); }
 
 inline double ballDistance(const Vec3d& p, double radius) { return p.norm() - radius; }
 
-/// From the nearest point of the line segment a b to p; its length less a radius is the distance to a round
-/// rod.
-inline Vec3d fromRodAxis(const Vec3d& p, const Vec3d& a, const Vec3d& b) {
-    const Vec3d along = b - a;
-    const double s = std::clamp((p - a).dot(along) / along.squaredNorm(), 0.0, 1.0);
-    return p - a - s * along;
-}
-
 /// Ring about the z axis.
 inline double torusDistance(const Vec3d& p, double ring_radius, double tube_radius) {
     return length(length(p.x(), p.y()) - ring_radius, p.z()) - tube_radius;

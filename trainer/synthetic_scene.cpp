@@ -84,7 +84,7 @@ class ThinScene final : public SolidScene {
 public:
     ThinScene() : SolidScene({{-1.0, -1.0, -0.85}, {1.0, 1.0, 0.95}}, 300.0, 0.006) {
         const auto add = [&](const Vec3d& a, const Vec3d& b, double radius, double hue) {
-            rods_.push_back({a, b, radius, colourWheel(hue)});
+            rods_.push_back({a, b - a, 1.0 / (b - a).squaredNorm(), radius, colourWheel(hue)});
         };
         // Four posts and their frame.
         for (int i = 0; i < 4; ++i) {
@@ -120,8 +120,8 @@ public:
 
 private:
     struct Rod {
-        Vec3d a, b;
-        double radius;
+        Vec3d begin, along;
+        double inverse_length_squared, radius;
         Vec3d albedo;
     };
     struct Nearest {
@@ -132,9 +132,14 @@ private:
     Nearest nearest(const Vec3d& p) const {
         Nearest best;
         for (std::size_t i = 0; i < rods_.size(); ++i) {
-            const Vec3d offset = fromRodAxis(p, rods_[i].a, rods_[i].b);
-            const double d = offset.norm() - rods_[i].radius;
-            if (d < best.distance) best = {d, i, offset};
+            const Rod& rod = rods_[i];
+            const Vec3d from_begin = p - rod.begin;
+            const double share = std::clamp(from_begin.dot(rod.along) * rod.inverse_length_squared, 0.0, 1.0);
+            const Vec3d from_axis = from_begin - share * rod.along;
+            // Compared as squares: most rods are not the nearest, and need no root.
+            const double reach = best.distance + rod.radius;
+            const double squared = from_axis.squaredNorm();
+            if (reach > 0.0 && squared < reach * reach) best = {std::sqrt(squared) - rod.radius, i, from_axis};
         }
         return best;
     }
