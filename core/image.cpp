@@ -2,6 +2,7 @@
 // The only file that knows OpenImageIO.
 #include "core/image.h"
 
+#include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
@@ -159,16 +160,18 @@ std::vector<std::uint8_t> bytesFromImage(const fs::path& path, const Image& imag
     return bytes;
 }
 
-void writeTo(const fs::path& file, const fs::path& path, const ImageSpec& spec, TypeDesc type,
-             const void* data) {
-    const auto fail = [&](const std::string& complaint) {
-        throw IoError(path.string(), firstLine(complaint), "the image to be written",
-                      "check the free space and the permissions");
-    };
-    const std::unique_ptr<ImageOutput> output = ImageOutput::create(file.string());
-    if (!output) fail(OIIO::geterror());
-    if (!output->open(file.string(), spec) || !output->write_image(type, data) || !output->close())
-        fail(output->geterror());
+/// The file's bytes. Encoded in memory, because on a full disk OpenImageIO's PNG writer says nothing and its
+/// JPEG writer ends the program; writing bytes is ours (atomic_file.h).
+std::string encode(const fs::path& path, const ImageSpec& spec, TypeDesc type, const void* data) {
+    std::vector<unsigned char> bytes;
+    OIIO::Filesystem::IOVecOutput memory(bytes);
+    const std::string name = "picture" + path.extension().string();  // the extension chooses the format
+    const std::unique_ptr<ImageOutput> output = ImageOutput::create(name);
+    if (!output || !output->set_ioproxy(&memory) || !output->open(name, spec) ||
+        !output->write_image(type, data) || !output->close())
+        throw IoError(path.string(), firstLine(output ? output->geterror() : OIIO::geterror()),
+                      "a picture that can be encoded");
+    return {bytes.begin(), bytes.end()};
 }
 
 }  // namespace
@@ -232,7 +235,7 @@ void writeImage(const fs::path& path, const Image& image) {
     const std::vector<std::uint8_t> bytes =
         format == Format::exr ? std::vector<std::uint8_t>() : bytesFromImage(path, image);
     const void* data = format == Format::exr ? static_cast<const void*>(image.pixels.data()) : bytes.data();
-    writeAtomically(path, [&](const fs::path& temporary) { writeTo(temporary, path, spec, type, data); });
+    writeAtomically(path, encode(path, spec, type, data));
 }
 
 float srgbFromLinear(float linear) {

@@ -9,6 +9,7 @@
 #include "core/image_end.h"
 #include "core/random.h"
 #include "tests/support/catch.h"
+#include "tests/support/small_disk.h"
 #include "tests/support/temp_dir.h"
 
 using namespace nerfvdb;
@@ -127,6 +128,14 @@ TEST_CASE("EXR keeps floats as they are", "[core]") {
     CHECK(readImage(dir / "a.exr").pixels == image.pixels);
 }
 
+TEST_CASE("the same picture gives the same bytes", "[core]") {
+    const TempDir dir;
+    const std::string extension = GENERATE(".png", ".jpg", ".exr");
+    writeImage(dir / ("a" + extension), noise(16, 9, 3));
+    writeImage(dir / ("b" + extension), noise(16, 9, 3));
+    CHECK((readFile(dir / ("a" + extension)) == readFile(dir / ("b" + extension))));
+}
+
 TEST_CASE("an EXR photograph is encoded to sRGB with straight alpha", "[core]") {
     const TempDir dir;
     Image image(3, 1, 4);
@@ -225,6 +234,21 @@ TEST_CASE("a PNG that is called .jpg is read for what it is", "[core]") {
     writeImage(dir / "a.png", noise(8, 8, 4));
     fs::copy_file(dir / "a.png", dir / "b.jpg");
     CHECK(readPhoto(dir / "b.jpg").pixels == readPhoto(dir / "a.png").pixels);
+}
+
+TEST_CASE("a disk that fills up while a picture is written leaves the old picture", "[core]") {
+    const TempDir dir;
+    const fs::path path = dir / ("a" + GENERATE(std::string(".png"), std::string(".jpg"), std::string(".exr")));
+    writeImage(path, noise(4, 4, 3));
+    const std::string old = readFile(path);
+    const Image big = noise(200, 200, 3);
+    {
+        const SmallDisk disk(20000);
+        CHECK_THROWS_AS(writeImage(path, big), IoError);
+        CHECK_THROWS_WITH(writeImage(path, big), Contains(path.string()));
+    }
+    CHECK((readFile(path) == old));  // parentheses: a failure should not print bytes
+    CHECK(std::distance(fs::directory_iterator(dir.path()), fs::directory_iterator()) == 1);
 }
 
 TEST_CASE("pictures that a format cannot hold are refused", "[core]") {
