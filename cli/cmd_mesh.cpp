@@ -5,6 +5,7 @@
 #include "cli/process.h"
 #include "core/error.h"
 #include "export/marching_cubes.h"
+#include "export/mesh_cleanup.h"
 #include "export/mesh_io.h"
 #include "vdb/model_file.h"
 
@@ -13,6 +14,7 @@ namespace {
 
 struct MeshWords {
     std::string model, out, iso = "auto";
+    IslandOptions islands;
     bool no_colours = false;
     SharedOptions shared;
 };
@@ -33,8 +35,9 @@ void runMesh(const MeshWords& words) {
     TerminalReport report;
     const Model model = loadModel(words.model);
     const double iso = options.iso.value_or(automaticIso(model.field));
-    const Mesh mesh = extractSurface(model, options, report);
+    Mesh mesh = extractSurface(model, options, report);
     report.end();
+    const IslandCounts islands = removeIslands(mesh, words.islands);
     writeMesh(words.out, mesh);
 
     const MeshMeasures measures = measureMesh(mesh);
@@ -46,6 +49,8 @@ void runMesh(const MeshWords& words) {
          {"vertices", mesh.positions.size()},
          {"faces", mesh.triangles.size()},
          {"pieces", measures.pieces},
+         {"dropped_pieces", islands.dropped_pieces},
+         {"dropped_faces", islands.dropped_faces},
          {"closed", measures.closed()},
          {"area", measures.area},
          {"volume", measures.volume},
@@ -68,6 +73,12 @@ Command addMesh(CLI::App& program) {
     app.add_option("--iso", words->iso,
                    "Density at the surface, 1 / world unit; auto stops half of the light over one voxel [auto]")
         ->type_name("DENSITY");
+    app.add_option("--keep-largest", words->islands.keep_largest, "Keep the N largest pieces only")
+        ->check(CLI::PositiveNumber)
+        ->type_name("N");
+    app.add_option("--min-faces", words->islands.min_faces, "Drop pieces of fewer triangles")
+        ->check(CLI::PositiveNumber)
+        ->type_name("N");
     app.add_flag("--no-colours", words->no_colours, "Leave out the vertex colours");
     words->shared.add(app, "  nerfvdb mesh lego.vdb --out lego.ply");
     return {&app, [words] { runMesh(*words); }};

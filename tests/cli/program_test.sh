@@ -1,0 +1,236 @@
+#!/usr/bin/env bash
+# SPDX-License-Identifier: Apache-2.0
+# program_test.sh PROGRAM SCRATCH CASE: runs the program in an empty folder and checks what it does.
+set -euo pipefail
+program=$1
+scratch=$2
+case_name=$3
+
+rm -rf "$scratch"
+mkdir -p "$scratch"
+cd "$scratch"
+
+# --- what a case can say ----------------------------------------------------------------------------------------
+
+fail() {
+    printf '%s\n' "FAILED: $*"
+    if [[ -f out ]]; then sed 's/^/  out: /' out; fi
+    if [[ -f err ]]; then sed 's/^/  err: /' err; fi
+    exit 1
+}
+
+# expect CODE ARGUMENT...: runs the program; its words are in `out` and `err`.
+expect() {
+    local wanted=$1 code=0
+    shift
+    "$program" "$@" >out 2>err || code=$?
+    [[ $code -eq $wanted ]] || fail "exit code $code, expected $wanted: nerfvdb $*"
+}
+
+says() { grep -qF -- "$2" "$1" || fail "$1 does not say '$2'"; }
+
+# has_keys FILE KEY...: keys of a JSON file.
+has_keys() {
+    local file=$1 key
+    shift
+    for key in "$@"; do grep -q "\"$key\":" "$file" || fail "$file has no key $key: $(cat "$file")"; done
+}
+
+readonly commands=(train eval render export mesh info synth)
+
+# A data set that trains in moments.
+tiny_scene() { expect 0 synth sphere --out data --views 12 --val-views 0 --test-views 3 --width 48 --height 48 "$@"; }
+tiny_model() { expect 0 train data --out model.vdb --steps 60 "$@"; }
+
+# --- cases ------------------------------------------------------------------------------------------------------
+
+test_help() {
+    local command
+    expect 0 --help
+    for command in "${commands[@]}"; do
+        says out "$command"
+    done
+    for command in "${commands[@]}"; do
+        expect 0 "$command" --help
+        says out "Example:"
+        says out "  nerfvdb $command "
+        says out "--threads"
+        says out "--json"
+    done
+}
+
+test_version() {
+    expect 0 --version
+    grep -qE '^nerfvdb [0-9]+\.[0-9]+\.[0-9]+$' out || fail "no version"
+    expect 0 train --version
+}
+
+test_usage() {
+    expect 2
+    expect 2 fly
+    expect 2 train
+    expect 2 train data
+    says err "--out"
+    expect 2 train data --out model.vdb --fly
+    says err "--fly"
+    expect 2 train data --out model.vdb --time soon
+    says err "--time: found 'soon', expected a duration such as 90, 90s, 5m or 1h"
+    expect 2 train data --out model.vdb --steps 10,-3
+    says err "--steps"
+    expect 2 train data --out model.vdb --max-memory 4furlongs
+    says err "--max-memory"
+    expect 2 train data --out model.vdb --bounds 0 0 0 1 1
+    expect 2 train data --out model.vdb --bounds 0 0 0 1 -1 1
+    says err "--bounds"
+    expect 2 train data --out model.vdb --preset slow
+    expect 2 train data --out model.ply
+    says err "ends in .vdb"
+    expect 2 train data --out model.vdb --threads 0
+    expect 2 eval model.vdb data --split evening
+    expect 2 eval model.vdb data --every 0
+    expect 2 render model.vdb
+    says err "one of --data, --path and --orbit"
+    expect 2 render model.vdb --orbit 3 --data data
+    expect 2 synth cathedral --out data
+    says err "cathedral"
+    expect 2 mesh model.vdb --out mesh.stl
+    says err "mesh.stl"
+    [[ ! -e data ]] || fail "a refused command made a folder"
+}
+
+test_bad_input() {
+    # Nothing there.
+    expect 1 train nowhere --out model.vdb
+    says err "nowhere"
+    expect 1 info nowhere
+    says err "nowhere"
+    expect 1 eval nowhere.vdb data
+    says err "nowhere.vdb"
+    mkdir empty
+    expect 1 train empty --out model.vdb
+    says err "empty"
+    [[ ! -e model.vdb ]] || fail "a model of nothing"
+
+    # A file that is no model.
+    printf 'this is no model\n' >text.vdb
+    for command in "eval text.vdb data" "render text.vdb --orbit 2" "export text.vdb --out volume.vdb" \
+        "mesh text.vdb --out mesh.ply" "info text.vdb"; do
+        # shellcheck disable=SC2086
+        expect 1 $command
+        says err "text.vdb"
+    done
+    [[ "$(cat text.vdb)" == "this is no model" ]] || fail "the input was changed"
+    [[ ! -e volume.vdb && ! -e mesh.ply ]] || fail "an output of nothing"
+
+    # Places that cannot be written are refused before anything is read: the data set does not even exist.
+    printf 'a file\n' >file
+    expect 1 train nowhere --out file/model.vdb
+    says err "--out file"
+    mkdir folder.vdb
+    expect 1 train nowhere --out folder.vdb
+    says err "--out folder.vdb"
+    expect 1 train nowhere --out model.vdb --json file/results.json
+    says err "--json file"
+    expect 1 train empty --out model.vdb --resume
+    says err "model.ckpt"
+
+    # Camera paths that are none.
+    tiny_scene --no-truth
+    tiny_model
+    printf '[1, 2]' >path.json
+    expect 1 render model.vdb --path path.json --out pictures
+    says err "path.json"
+    says err "camera_path"
+    printf '{"camera_path": [{"camera_to_world": [1, 2], "fov": 40}], "render_width": 8, "render_height": 8}' >path.json
+    expect 1 render model.vdb --path path.json --out pictures
+    says err "camera_path[0], field camera_to_world"
+    printf '{"camera_path": [}' >path.json
+    expect 1 render model.vdb --path path.json --out pictures
+    says err "no JSON"
+
+    # A model cut short.
+    head -c 2000 model.vdb >short.vdb
+    expect 1 info short.vdb
+    says err "short.vdb"
+
+    # Results that find no room.
+    if [[ -c /dev/full ]]; then
+        local code=0
+        "$program" info data >/dev/full 2>err || code=$?
+        [[ $code -eq 1 ]] || fail "a full disk went unseen (exit code $code)"
+    fi
+}
+
+test_synth() {
+    tiny_scene --resolution 32 --json result.json
+    has_keys result.json command scene views width height peak_memory_bytes
+    for file in transforms_train.json transforms_test.json truth.vdb truth.ply; do
+        [[ -s data/$file ]] || fail "no data/$file"
+    done
+    expect 0 info data --json -
+    has_keys out kind splits train test views width height focal_length warnings
+    if grep -q '"val"' out; then fail "a split of no views"; fi
+}
+
+test_story() {
+    tiny_scene --no-truth
+    tiny_model --json train.json --seed 3
+    has_keys train.json train_seconds peak_memory_bytes active_voxels steps schedule train_psnr seed
+    [[ -s model.vdb && -s model.ckpt ]] || fail "no model or no checkpoint"
+    [[ "$(head -n 1 model.csv)" == "step,seconds,loss,psnr,rays,voxels" ]] || fail "model.csv has another head"
+    [[ $(wc -l <model.csv) -ge 2 ]] || fail "model.csv is empty"
+
+    expect 0 eval model.vdb data --split test --every 2 --json - --save views
+    has_keys out psnr ssim seconds_per_frame samples_per_ray views peak_memory_bytes rays_skipped_share \
+        feature_share_of_dense
+    [[ "$(ls views)" == $'0000.png\n0002.png' ]] || fail "--every 2 of 3 views saved: $(ls views)"
+
+    expect 0 info model.vdb --json -
+    has_keys out active_voxels leaves resolution bounds voxel_size memory_bytes
+
+    expect 0 render model.vdb --orbit 2 --width 32 --height 24 --out orbit --depth --opacity --normals
+    [[ $(find orbit -name '000[01].*' | wc -l) -eq 14 ]] || fail "render wrote: $(ls orbit)"
+    expect 0 render model.vdb --data data --split test --width 24 --out views24 --json -
+    has_keys out seconds_per_frame views
+    cat >path.json <<'JSON'
+{"camera_type": "perspective", "render_width": 32, "render_height": 24, "camera_path": [
+  {"camera_to_world": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 4, 0, 0, 0, 1], "fov": 40, "aspect": 1.3333}]}
+JSON
+    expect 0 render model.vdb --path path.json --out path
+    [[ -s path/0000.png ]] || fail "no picture of the path"
+
+    expect 0 export model.vdb --out volume.vdb --json -
+    has_keys out active_voxels file_bytes
+    expect 2 export model.vdb --out model.vdb
+    expect 0 mesh model.vdb --out mesh.ply --json -
+    has_keys out vertices faces iso closed
+    expect 0 mesh model.vdb --out mesh.obj --no-colours --keep-largest 1
+    [[ -s volume.vdb && -s mesh.ply && -s mesh.obj ]] || fail "an export is missing"
+    expect 1 info volume.vdb
+    says err "volume.vdb"
+}
+
+test_threads() {
+    tiny_scene --no-truth
+    expect 0 train data --out one.vdb --steps 40 --threads 1
+    expect 0 train data --out two.vdb --steps 40 --threads 2
+    cmp one.vdb two.vdb || fail "the model depends on the number of threads"
+    expect 0 train data --out other.vdb --steps 40 --seed 2
+    if cmp -s one.vdb other.vdb; then fail "the seed changes nothing"; fi
+}
+
+test_interrupt() {
+    local code=0 waited=0 pid
+    tiny_scene --no-truth
+    "$program" train data --out model.vdb --steps 10000000 >out 2>err &
+    pid=$!
+    # The first line of the log says that training has begun.
+    until [[ -s model.csv ]] || (( waited++ > 600 )); do sleep 0.1; done
+    kill -INT $pid
+    wait $pid || code=$?
+    [[ $code -eq 130 ]] || fail "exit code $code after an interrupt, expected 130"
+    says err "--resume"
+    expect 0 eval model.vdb data
+}
+
+"test_$case_name"
