@@ -36,11 +36,13 @@ Camera pathCamera(const json& entry, int width, int height, const std::optional<
                   const std::string& where) {
     if (!entry.is_object()) throw DataError(where, entry.type_name(), "an object");
     const auto matrix = entry.find("camera_to_world");
-    const bool is_flat = matrix != entry.end() && matrix->is_array() && matrix->size() == 16 &&
-                         std::all_of(matrix->begin(), matrix->end(), [](const json& v) { return v.is_number(); });
+    const bool is_flat =
+        matrix != entry.end() && matrix->is_array() && matrix->size() == 16 &&
+        std::all_of(matrix->begin(), matrix->end(), [](const json& v) { return v.is_number(); });
     if (!is_flat)
         throw DataError(where + ", field camera_to_world",
-                        matrix == entry.end() ? "nothing" : matrix->dump().substr(0, 60), "16 numbers, row by row");
+                        matrix == entry.end() ? "nothing" : matrix->dump().substr(0, 60),
+                        "16 numbers, row by row");
 
     Camera camera;
     camera.width = width;
@@ -74,7 +76,8 @@ std::vector<Camera> readCameraPath(const std::filesystem::path& path, const Pict
     if (entries->empty()) throw DataError(name + ", field camera_path", "an empty list", "at least one camera");
     const std::string type = root.value("camera_type", json("perspective")).dump();
     if (type != "\"perspective\"")
-        throw DataError(name + ", field camera_type", type, "\"perspective\"", "other lenses cannot be rendered");
+        throw DataError(name + ", field camera_type", type, "\"perspective\"",
+                        "other lenses cannot be rendered");
 
     const int width = size.width ? *size.width : pixels(root, "render_width", name);
     const int height = size.height ? *size.height : pixels(root, "render_height", name);
@@ -101,8 +104,7 @@ std::vector<Camera> orbitCameras(const Box& box, int count, UpAxis up_axis, cons
         const double azimuth = 2 * std::numbers::pi * i / count;
         const Vec3d outward = std::cos(kElevation) * (std::cos(azimuth) * east + std::sin(azimuth) * north) +
                               std::sin(kElevation) * up;
-        cameras.push_back(
-            lookAt(box.center() + distance * outward, box.center(), up, fov_y, width, height));
+        cameras.push_back(lookAt(box.center() + distance * outward, box.center(), up, fov_y, width, height));
     }
     return cameras;
 }

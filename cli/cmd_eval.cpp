@@ -45,12 +45,14 @@ Json evaluationJson(const Evaluation& evaluation, const Dataset& dataset) {
 
 std::string evaluationText(const Evaluation& evaluation) {
     const TraceCounters& counters = evaluation.counters;
-    return formatted("%zu views: PSNR %.3f dB, SSIM %.4f, %.3f s a frame\n", evaluation.views.size(), evaluation.psnr,
-                     evaluation.ssim, evaluation.seconds_per_frame) +
-           formatted("per ray: %.1f samples, %.1f with features (%.2f %% of a dense march); %.1f %% of rays skipped\n",
-                     ratio(counters.samples_density, counters.rays), ratio(counters.samples_features, counters.rays),
-                     100 * ratio(counters.samples_features, counters.samples_dense),
-                     100 * ratio(counters.rays_skipped, counters.rays));
+    return formatted("%zu views: PSNR %.3f dB, SSIM %.4f, %.3f s a frame\n", evaluation.views.size(),
+                     evaluation.psnr, evaluation.ssim, evaluation.seconds_per_frame) +
+           formatted(
+               "per ray: %.1f samples, %.1f with features (%.2f %% of a dense march); %.1f %% of rays "
+               "skipped\n",
+               ratio(counters.samples_density, counters.rays), ratio(counters.samples_features, counters.rays),
+               100 * ratio(counters.samples_features, counters.samples_dense),
+               100 * ratio(counters.rays_skipped, counters.rays));
 }
 
 void runEval(const EvalWords& words) {

@@ -24,7 +24,8 @@ void runExport(const ExportWords& words) {
         throw UsageError("--out", "'" + words.out + "'", "a file name that ends in .vdb");
     prepareOutputFile("--out", out);
     if (std::filesystem::exists(out) && std::filesystem::equivalent(out, words.model))
-        throw UsageError("--out", "the model itself", "another file", "an export cannot be trained or rendered again");
+        throw UsageError("--out", "the model itself", "another file",
+                         "an export cannot be trained or rendered again");
     ExportVdbOptions options;
     options.color = words.color == "none" ? ExportVdbOptions::Color::none : ExportVdbOptions::Color::diffuse;
     options.min_alpha = words.min_alpha;
@@ -43,9 +44,9 @@ void runExport(const ExportWords& words) {
                        {"file_bytes", exported.bytes},
                        {"peak_memory_bytes", peakMemoryBytes()},
                        {"lost", exported.lost}};
-    std::string text = formatted("%s: %zu active voxels of %.4g world units, %s\n", words.out.c_str(),
-                                 exported.active_voxels, model.field.frame().voxel_size,
-                                 sizeText(static_cast<double>(exported.bytes)).c_str());
+    std::string text =
+        formatted("%s: %zu active voxels of %.4g world units, %s\n", words.out.c_str(), exported.active_voxels,
+                  model.field.frame().voxel_size, sizeText(static_cast<double>(exported.bytes)).c_str());
     for (const std::string& line : exported.lost) text += "lost: " + line + "\n";
     words.shared.finish(json, text);
 }
@@ -54,7 +55,8 @@ void runExport(const ExportWords& words) {
 
 Command addExport(CLI::App& program) {
     auto words = std::make_shared<ExportWords>();
-    CLI::App& app = *program.add_subcommand("export", "Write a model as density and colour grids for other programs");
+    CLI::App& app =
+        *program.add_subcommand("export", "Write a model as density and colour grids for other programs");
     app.add_option("MODEL", words->model, "A model that 'nerfvdb train' made")->required();
     app.add_option("--out", words->out, "The volume: grids 'density' (1 / world unit) and 'color' (linear RGB)")
         ->required()
@@ -62,7 +64,8 @@ Command addExport(CLI::App& program) {
     app.add_option("--color", words->color, "diffuse (the mean over all directions) or none [diffuse]")
         ->check(CLI::IsMember({"diffuse", "none"}))
         ->type_name("NAME");
-    app.add_option("--min-alpha", words->min_alpha, "Leave out voxels that stop less light than this share [0.001]")
+    app.add_option("--min-alpha", words->min_alpha,
+                   "Leave out voxels that stop less light than this share [0.001]")
         ->check(CLI::Range(0.0, 1.0))
         ->type_name("SHARE");
     app.add_flag("--full-precision", words->full_precision, "Write 32-bit numbers, not 16-bit");

@@ -21,8 +21,8 @@ Json vectorJson(const Vec3d& v) { return {v.x(), v.y(), v.z()}; }
 Json boxJson(const Box& box) { return {{"min", vectorJson(box.min)}, {"max", vectorJson(box.max)}}; }
 
 std::string boxText(const Box& box) {
-    return formatted("[%.4g, %.4g, %.4g] to [%.4g, %.4g, %.4g]", box.min.x(), box.min.y(), box.min.z(), box.max.x(),
-                     box.max.y(), box.max.z());
+    return formatted("[%.4g, %.4g, %.4g] to [%.4g, %.4g, %.4g]", box.min.x(), box.min.y(), box.min.z(),
+                     box.max.x(), box.max.y(), box.max.z());
 }
 
 void describeModel(const InfoWords& words) {
@@ -62,8 +62,8 @@ void describeModel(const InfoWords& words) {
                   topology.leafCount()) +
         formatted("background: %.3g, %.3g, %.3g (sRGB)\n", model.background.x(), model.background.y(),
                   model.background.z()) +
-        "memory: " + sizeText(static_cast<double>(field.bytes())) + ", file: " +
-        sizeText(static_cast<double>(file_bytes)) + "\n" +
+        "memory: " + sizeText(static_cast<double>(field.bytes())) +
+        ", file: " + sizeText(static_cast<double>(file_bytes)) + "\n" +
         formatted("trained: preset %s, seed %llu, steps %s, %.2f dB on the training rays\n",
                   model.info.preset.c_str(), static_cast<unsigned long long>(model.info.seed),
                   model.info.schedule.c_str(), model.info.train_psnr);
@@ -107,7 +107,8 @@ void describeDataset(const InfoWords& words) {
     constexpr std::pair<Split, const char*> kSplits[] = {
         {Split::train, "train"}, {Split::val, "val"}, {Split::test, "test"}};
     Report silent;  // warnings are part of the answer here
-    Json json = {{"command", "info"}, {"kind", "data"}, {"splits", Json::object()}, {"warnings", Json::array()}};
+    Json json = {
+        {"command", "info"}, {"kind", "data"}, {"splits", Json::object()}, {"warnings", Json::array()}};
     std::string text = "data set: " + words.path + "\n";
     std::vector<std::string> warnings;
     for (const auto& [split, name] : kSplits) {
@@ -118,22 +119,21 @@ void describeDataset(const InfoWords& words) {
         }
         const Camera& first = dataset->views.front().camera;
         const Box cameras = cameraBox(*dataset);
-        json["splits"][name] = {{"views", dataset->views.size()},
-                                {"width", first.width},
-                                {"height", first.height},
-                                {"focal_length", first.fx},
-                                {"alpha", dataset->has_alpha},
-                                {"distorted", !first.distortion.isZero()},
+        json["splits"][name] = {{"views", dataset->views.size()},   {"width", first.width},
+                                {"height", first.height},           {"focal_length", first.fx},
+                                {"alpha", dataset->has_alpha},      {"distorted", !first.distortion.isZero()},
                                 {"camera_bounds", boxJson(cameras)}};
-        text += formatted("%s: %zu views, %s%s%s, focal length %.1f pixels\n    cameras in %s\n", name,
-                          dataset->views.size(), sizesText(*dataset).c_str(), dataset->has_alpha ? ", alpha" : "",
-                          first.distortion.isZero() ? "" : ", lens distortion", first.fx, boxText(cameras).c_str());
+        text +=
+            formatted("%s: %zu views, %s%s%s, focal length %.1f pixels\n    cameras in %s\n", name,
+                      dataset->views.size(), sizesText(*dataset).c_str(), dataset->has_alpha ? ", alpha" : "",
+                      first.distortion.isZero() ? "" : ", lens distortion", first.fx, boxText(cameras).c_str());
         if (split == Split::train && dataset->aabb_scale) {
             json["aabb_scale"] = *dataset->aabb_scale;
             text += formatted("aabb_scale: %g\n", *dataset->aabb_scale);
         }
         for (const std::string& warning : dataset->warnings)
-            if (std::find(warnings.begin(), warnings.end(), warning) == warnings.end()) warnings.push_back(warning);
+            if (std::find(warnings.begin(), warnings.end(), warning) == warnings.end())
+                warnings.push_back(warning);
     }
     for (const std::string& warning : warnings) {
         json["warnings"].push_back(warning);

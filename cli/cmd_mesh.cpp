@@ -67,7 +67,8 @@ void runMesh(const MeshWords& words) {
 
 Command addMesh(CLI::App& program) {
     auto words = std::make_shared<MeshWords>();
-    CLI::App& app = *program.add_subcommand("mesh", "Extract the surface of a model as a coloured triangle mesh");
+    CLI::App& app =
+        *program.add_subcommand("mesh", "Extract the surface of a model as a coloured triangle mesh");
     app.add_option("MODEL", words->model, "A model that 'nerfvdb train' made")->required();
     app.add_option("--out", words->out, "The mesh: .ply (binary) or .obj")->required()->type_name("FILE");
     app.add_option("--iso", words->iso,

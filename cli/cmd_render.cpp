@@ -57,7 +57,8 @@ std::vector<Camera> findCameras(const RenderWords& words, const Model& model, Re
 
     if (!words.path.empty()) return readCameraPath(words.path, size);
     if (words.orbit > 0)
-        return orbitCameras(occupiedBox(model.field), words.orbit, words.up == "y" ? UpAxis::y : UpAxis::z, size);
+        return orbitCameras(occupiedBox(model.field), words.orbit, words.up == "y" ? UpAxis::y : UpAxis::z,
+                            size);
     std::vector<Camera> cameras;
     for (const View& view : words.dataset.read(words.data, false, report).views) cameras.push_back(view.camera);
     resizeCameras(cameras, words.width, words.height);
@@ -104,7 +105,8 @@ void runRender(const RenderWords& words) {
     if ((words.orbit > 0) + !words.path.empty() + !words.data.empty() != 1)
         throw UsageError("render", "not exactly one of them", "one of --data, --path and --orbit");
     if (words.fov > 0 && !words.data.empty())
-        throw UsageError("--fov", "it together with --data", "--path or --orbit", "a data set has its own lenses");
+        throw UsageError("--fov", "it together with --data", "--path or --orbit",
+                         "a data set has its own lenses");
     prepareOutputFolder("--out", words.out);
 
     TerminalReport report;
@@ -127,12 +129,13 @@ void runRender(const RenderWords& words) {
     report.end();
 
     const double per_frame = cameras.empty() ? 0 : seconds / static_cast<double>(cameras.size());
-    words.shared.finish({{"command", "render"},
-                         {"out", words.out},
-                         {"views", cameras.size()},
-                         {"seconds_per_frame", per_frame},
-                         {"peak_memory_bytes", peakMemoryBytes()}},
-                        formatted("%zu pictures in %s, %.3f s a frame\n", cameras.size(), words.out.c_str(), per_frame));
+    words.shared.finish(
+        {{"command", "render"},
+         {"out", words.out},
+         {"views", cameras.size()},
+         {"seconds_per_frame", per_frame},
+         {"peak_memory_bytes", peakMemoryBytes()}},
+        formatted("%zu pictures in %s, %.3f s a frame\n", cameras.size(), words.out.c_str(), per_frame));
 }
 
 }  // namespace
@@ -143,7 +146,8 @@ Command addRender(CLI::App& program) {
     app.add_option("MODEL", words->model, "A model that 'nerfvdb train' made")->required();
     app.add_option("--data", words->data, "Take the cameras of a data set")->type_name("DATA");
     words->dataset.add(app);
-    app.add_option("--path", words->path, "Take the cameras of a nerfstudio camera path")->type_name("FILE.json");
+    app.add_option("--path", words->path, "Take the cameras of a nerfstudio camera path")
+        ->type_name("FILE.json");
     app.add_option("--orbit", words->orbit, "Take N cameras on a circle around the model")
         ->check(CLI::Range(1, 100000))
         ->type_name("N");

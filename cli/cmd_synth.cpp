@@ -25,13 +25,14 @@ struct SynthWords {
 };
 
 /// The scene sampled on a fine grid leaves through the same doors as a trained model.
-void writeTruth(const SyntheticScene& scene, const std::filesystem::path& folder, int resolution, Report& report,
-                Json& json) {
+void writeTruth(const SyntheticScene& scene, const std::filesystem::path& folder, int resolution,
+                Report& report, Json& json) {
     report.begin("truth", 0);
     const Model truth = sampleScene(scene, resolution);
     exportVdb(truth, folder / "truth.vdb");
 
-    // Fog may be too thin to stop half of the light over a voxel: then its surface is where it is half as dense.
+    // Fog may be too thin to stop half of the light over a voxel: then its surface is where it is half as
+    // dense.
     MeshOptions options;
     options.iso = std::min(automaticIso(truth.field), 0.5 * scene.maxDensity());
     writeMesh(folder / "truth.ply", extractSurface(truth, options, report));
@@ -59,11 +60,10 @@ void runSynth(const SynthWords& words) {
                  {"height", words.dataset.height}};
     if (!words.no_truth) writeTruth(*scene, folder, words.resolution, report, json);
     json["peak_memory_bytes"] = peakMemoryBytes();
-    words.shared.finish(
-        json, formatted("%s: %d training, %d validation and %d test views of %dx%d%s\n", words.out.c_str(),
-                        words.dataset.train_views, words.dataset.val_views, words.dataset.test_views,
-                        words.dataset.width, words.dataset.height,
-                        words.no_truth ? "" : ", and the truth as truth.vdb and truth.ply"));
+    words.shared.finish(json, formatted("%s: %d training, %d validation and %d test views of %dx%d%s\n",
+                                        words.out.c_str(), words.dataset.train_views, words.dataset.val_views,
+                                        words.dataset.test_views, words.dataset.width, words.dataset.height,
+                                        words.no_truth ? "" : ", and the truth as truth.vdb and truth.ply"));
 }
 
 std::string sceneNames() {
@@ -76,7 +76,8 @@ std::string sceneNames() {
 
 Command addSynth(CLI::App& program) {
     auto words = std::make_shared<SynthWords>();
-    CLI::App& app = *program.add_subcommand("synth", "Make a data set of a procedural scene, with its exact truth");
+    CLI::App& app =
+        *program.add_subcommand("synth", "Make a data set of a procedural scene, with its exact truth");
     app.add_option("NAME", words->name, "One of: " + sceneNames())->required();
     app.add_option("--out", words->out, "Folder for images, transforms, truth.vdb and truth.ply")
         ->required()

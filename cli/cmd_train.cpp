@@ -31,9 +31,9 @@ public:
 
     void add(const TrainProgress& progress) {
         if (rows_.empty()) keepEarlierRows(progress.step);
-        rows_ += formatted("%lld,%.2f,%.6g,%.3f,%llu,%zu\n", static_cast<long long>(progress.step), progress.seconds,
-                           progress.loss, progress.psnr, static_cast<unsigned long long>(progress.rays),
-                           progress.voxels);
+        rows_ += formatted("%lld,%.2f,%.6g,%.3f,%llu,%zu\n", static_cast<long long>(progress.step),
+                           progress.seconds, progress.loss, progress.psnr,
+                           static_cast<unsigned long long>(progress.rays), progress.voxels);
         writeAtomically(path_, [&](const std::filesystem::path& temporary) {
             std::ofstream file(temporary, std::ios::binary);
             file << rows_;
@@ -83,7 +83,9 @@ void runTrain(const TrainWords& words) {
     if (out.extension() != ".vdb")
         throw UsageError("--out", "'" + words.out + "'", "a file name that ends in .vdb");
     prepareOutputFile("--out", out);
-    const auto beside = [&](const char* extension) { return std::filesystem::path(out).replace_extension(extension); };
+    const auto beside = [&](const char* extension) {
+        return std::filesystem::path(out).replace_extension(extension);
+    };
     const std::filesystem::path checkpoint = beside(".ckpt");
     if (words.resume && !std::filesystem::exists(checkpoint))
         throw IoError(checkpoint.string(), "no file", "the checkpoint that --resume continues",
@@ -129,8 +131,8 @@ void runTrain(const TrainWords& words) {
                       sizeText(static_cast<double>(peakMemoryBytes())).c_str());
     words.shared.finish(json, text);
     if (result.interrupted)
-        throw Interrupted("stopped at step " + std::to_string(result.steps) + " as asked, and saved " + out.string() +
-                          "; the same command with --resume goes on");
+        throw Interrupted("stopped at step " + std::to_string(result.steps) + " as asked, and saved " +
+                          out.string() + "; the same command with --resume goes on");
 }
 
 }  // namespace
@@ -138,9 +140,10 @@ void runTrain(const TrainWords& words) {
 Command addTrain(CLI::App& program) {
     auto words = std::make_shared<TrainWords>();
     CLI::App& app = *program.add_subcommand("train", "Learn a scene from posed photographs");
-    app.add_option("DATA", words->data,
-                   "Folder with transforms_train.json (NeRF-synthetic) or transforms.json (instant-ngp, nerfstudio), "
-                   "or such a file")
+    app.add_option(
+           "DATA", words->data,
+           "Folder with transforms_train.json (NeRF-synthetic) or transforms.json (instant-ngp, nerfstudio), "
+           "or such a file")
         ->required();
     app.add_option("--out", words->out, "The model; a checkpoint (.ckpt) and a log (.csv) are laid beside it")
         ->required()
@@ -148,8 +151,9 @@ Command addTrain(CLI::App& program) {
     app.add_option("--preset", words->preset, "fast (a minute), default (five) or best (thirty) [default]")
         ->check(CLI::IsMember({"fast", "default", "best"}))
         ->type_name("NAME");
-    app.add_option("--time", words->time,
-                   "Wall time from the start of the program to the file on disk: 90s, 5m, 1h; overrides the preset's")
+    app.add_option(
+           "--time", words->time,
+           "Wall time from the start of the program to the file on disk: 90s, 5m, 1h; overrides the preset's")
         ->type_name("DURATION");
     app.add_option("--steps", words->steps,
                    "Number of training steps in all, or of each stage (100,400,2000); overrides --time")
@@ -162,13 +166,16 @@ Command addTrain(CLI::App& program) {
         ->expected(6)
         ->delimiter(',')
         ->type_name("X0 Y0 Z0 X1 Y1 Z1");
-    app.add_option("--max-memory", words->max_memory, "Stop refining where training would need more: 4GB, 512MiB")
+    app.add_option("--max-memory", words->max_memory,
+                   "Stop refining where training would need more: 4GB, 512MiB")
         ->type_name("SIZE");
     app.add_flag("--resume", words->resume, "Continue from the checkpoint beside --out");
     app.add_flag("--strict", words->strict, "A frame without its image is an error, not a warning");
-    app.add_option("--seed", words->seed, "Same seed and --steps, same file, byte for byte [1]")->type_name("S");
-    words->shared.add(app, "  nerfvdb train data/lego --out lego.vdb --time 5m\n"
-                           "\nCtrl-C finishes the step, saves and leaves with exit code 130.");
+    app.add_option("--seed", words->seed, "Same seed and --steps, same file, byte for byte [1]")
+        ->type_name("S");
+    words->shared.add(app,
+                      "  nerfvdb train data/lego --out lego.vdb --time 5m\n"
+                      "\nCtrl-C finishes the step, saves and leaves with exit code 130.");
     return {&app, [words] { runTrain(*words); }};
 }
 

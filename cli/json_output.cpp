@@ -26,7 +26,8 @@ void writeJson(const std::string& target, const Json& json) {
         std::ofstream file(temporary, std::ios::binary);
         file << text;
         file.close();
-        if (!file) throw IoError(temporary.string(), "a failed write", "room for the results", "is the disk full?");
+        if (!file)
+            throw IoError(temporary.string(), "a failed write", "room for the results", "is the disk full?");
     });
 }
 

@@ -22,10 +22,11 @@ int runProgram(int argc, char** argv) {
     CLI::App program("Sparse radiance fields on OpenVDB: photographs in, volumes and meshes out.", "nerfvdb");
     program.set_version_flag("--version", "nerfvdb " NERFVDB_VERSION);
     program.require_subcommand(1);
-    program.footer("Example:\n  nerfvdb train photos/ --out model.vdb && nerfvdb export model.vdb --out volume.vdb\n"
-                   "\n'nerfvdb COMMAND --help' tells more.");
-    const Command commands[] = {addTrain(program),  addEval(program), addRender(program), addExport(program),
-                                addMesh(program),   addInfo(program), addSynth(program)};
+    program.footer(
+        "Example:\n  nerfvdb train photos/ --out model.vdb && nerfvdb export model.vdb --out volume.vdb\n"
+        "\n'nerfvdb COMMAND --help' tells more.");
+    const Command commands[] = {addTrain(program), addEval(program), addRender(program), addExport(program),
+                                addMesh(program),  addInfo(program), addSynth(program)};
     try {
         program.parse(argc, argv);
     } catch (const CLI::ParseError& error) {

@@ -34,7 +34,8 @@ double secondsSinceProcessStart() {
     static const double start = processStartSinceBoot();
     timespec now{};
     if (start >= 0 && clock_gettime(CLOCK_BOOTTIME, &now) == 0) {
-        const double seconds = static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec) - start;
+        const double seconds =
+            static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec) - start;
         // A container may count its boot differently from its host: believe only what is plausible.
         const double at_least =
             std::chrono::duration<double>(std::chrono::steady_clock::now() - static_start).count();

@@ -42,13 +42,11 @@ double parseDuration(const std::string& where, const std::string& text) {
 
 std::size_t parseSize(const std::string& where, const std::string& text) {
     static constexpr std::pair<const char*, double> kUnits[] = {
-        {"", 1},     {"B", 1},         {"kB", 1e3},      {"KB", 1e3},     {"MB", 1e6},        {"GB", 1e9},
-        {"TB", 1e12}, {"M", 1e6},      {"G", 1e9},       {"KiB", 0x1p10}, {"MiB", 0x1p20},    {"GiB", 0x1p30},
-        {"TiB", 0x1p40}};
+        {"", 1},    {"B", 1},   {"kB", 1e3},     {"KB", 1e3},     {"MB", 1e6},     {"GB", 1e9},    {"TB", 1e12},
+        {"M", 1e6}, {"G", 1e9}, {"KiB", 0x1p10}, {"MiB", 0x1p20}, {"GiB", 0x1p30}, {"TiB", 0x1p40}};
     const auto [number, unit] = numberAndUnit(text);
     const double bytes = number * unitFactor(unit, kUnits);
-    if (!(bytes >= 1) || bytes > 0x1p60)
-        throw UsageError(where, quoted(text), "a size such as 4GB or 512MiB");
+    if (!(bytes >= 1) || bytes > 0x1p60) throw UsageError(where, quoted(text), "a size such as 4GB or 512MiB");
     return static_cast<std::size_t>(bytes);
 }
 

@@ -25,7 +25,8 @@ void SharedOptions::finish(const Json& json, const std::string& text) const {
     if (json_ != "-") std::cout << text << std::flush;
     writeJson(json_, json);
     std::cout.flush();
-    if (!std::cout) throw IoError("standard output", "a failed write", "room for the results", "is the disk full?");
+    if (!std::cout)
+        throw IoError("standard output", "a failed write", "room for the results", "is the disk full?");
 }
 
 }  // namespace nerfvdb

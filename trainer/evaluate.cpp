@@ -36,11 +36,11 @@ Evaluation evaluate(const Model& model, const Dataset& dataset, const EvaluateOp
                     const std::function<void(const ViewScore&, const Image& rgb)>& on_view) {
     if (options.every < 1)
         throw UsageError("every", std::to_string(options.every), "a positive number of views");
-    if (dataset.views.empty())
-        throw DataError(dataset.root.string(), "no views", "at least one view to score");
+    if (dataset.views.empty()) throw DataError(dataset.root.string(), "no views", "at least one view to score");
     for (const View& view : dataset.views)
         if (view.photo.width != view.camera.width || view.photo.height != view.camera.height)
-            throw DataError(view.path.string(), "a photograph of " + sizeOf(view.photo.width, view.photo.height),
+            throw DataError(view.path.string(),
+                            "a photograph of " + sizeOf(view.photo.width, view.photo.height),
                             "its camera's " + sizeOf(view.camera.width, view.camera.height));
 
     const Renderer renderer(model, options.render);

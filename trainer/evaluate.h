@@ -26,7 +26,8 @@ struct ViewScore {
     TraceCounters counters;
 };
 
-/// Means are over views, so that each view counts the same whatever its size (the protocol of published tables).
+/// Means are over views, so that each view counts the same whatever its size (the protocol of published
+/// tables).
 struct Evaluation {
     std::vector<ViewScore> views;
     double psnr = 0, ssim = 0, seconds_per_frame = 0;

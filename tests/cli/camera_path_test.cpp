@@ -32,8 +32,10 @@ const std::string kPose = "[1,0,0,10, 0,1,0,20, 0,0,1,30, 0,0,0,1]";
 }  // namespace
 
 TEST_CASE("a camera path gives poses row by row, and vertical degrees", "[cli]") {
-    const TextFile file(R"({"camera_type": "perspective", "render_width": 640, "render_height": 480, "camera_path": [
-        {"camera_to_world": )" + kPose + R"(, "fov": 90, "aspect": 1.33}]})");
+    const TextFile file(
+        R"({"camera_type": "perspective", "render_width": 640, "render_height": 480, "camera_path": [
+        {"camera_to_world": )" +
+        kPose + R"(, "fov": 90, "aspect": 1.33}]})");
     const auto cameras = readCameraPath(file.path(), {});
     REQUIRE(cameras.size() == 1);
     const Camera& camera = cameras.front();
@@ -70,7 +72,8 @@ TEST_CASE("a bad camera path names file and field", "[cli]") {
     CHECK_THAT(message(R"({"camera_path": [{}]})"), Contains("render_width"));
     const std::string head = R"({"render_width": 8, "render_height": 8, )";
     CHECK_THAT(message(head + R"("camera_type": "fisheye", "camera_path": [{}]})"), Contains("fisheye"));
-    CHECK_THAT(message(head + R"("camera_path": [{"fov": 50}]})"), Contains("camera_path[0], field camera_to_world"));
+    CHECK_THAT(message(head + R"("camera_path": [{"fov": 50}]})"),
+               Contains("camera_path[0], field camera_to_world"));
     CHECK_THAT(message(head + R"("camera_path": [{"camera_to_world": )" + kPose + "}]}"), Contains("fov"));
     CHECK_THAT(message(head + R"("camera_path": [{"fov": 180, "camera_to_world": )" + kPose + "}]}"),
                Contains("between 0 and 180"));
@@ -90,7 +93,8 @@ TEST_CASE("an orbit sees the whole box from every side", "[cli]") {
         for (const Camera& camera : cameras) {
             CHECK(cameraProblem(camera).empty());
             for (int corner = 0; corner < 8; ++corner) {
-                const Vec3d point(corner & 1 ? box.max.x() : box.min.x(), corner & 2 ? box.max.y() : box.min.y(),
+                const Vec3d point(corner & 1 ? box.max.x() : box.min.x(),
+                                  corner & 2 ? box.max.y() : box.min.y(),
                                   corner & 4 ? box.max.z() : box.min.z());
                 const auto pixel = projectPoint(camera, point);
                 REQUIRE(pixel);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Real scenes that some tests want and the project does not carry. They are looked for in $NERFVDB_DATA, else in
+// Real scenes that some tests want and the project does not carry. They are looked for in $NERFVDB_DATA, else
+// in
 // ../shared/data beside the source tree; a test whose data is absent is reported as skipped.
 #pragma once
 
@@ -26,11 +27,11 @@ inline std::size_t& skippedTests() {
 }  // namespace nerfvdb::testing
 
 /// Leaves the test case, marked as skipped, unless the path exists. Use outside sections.
-#define NERFVDB_NEEDS(path)                                                          \
-    do {                                                                             \
-        if (!std::filesystem::exists(path)) {                                        \
-            std::cout << "skipped: " << (path) << " is not here" << std::endl;        \
-            ++nerfvdb::testing::skippedTests();                                      \
-            return;                                                                  \
-        }                                                                            \
+#define NERFVDB_NEEDS(path)                                                    \
+    do {                                                                       \
+        if (!std::filesystem::exists(path)) {                                  \
+            std::cout << "skipped: " << (path) << " is not here" << std::endl; \
+            ++nerfvdb::testing::skippedTests();                                \
+            return;                                                            \
+        }                                                                      \
     } while (false)
