@@ -88,14 +88,14 @@ BoxGrid gridOver(const Box& box, int resolution) {
     return grid;
 }
 
-std::vector<Topology::LeafCells> possibleCells(const Dataset& dataset, const BoxGrid& grid) {
+std::vector<Topology::LeafCells> possibleCells(const Dataset& dataset, const BoxGrid& grid,
+                                               std::size_t min_views) {
     std::vector<AlphaTable> alpha;
     if (dataset.has_alpha) {
         std::vector<std::optional<AlphaTable>> tables(dataset.views.size());
         parallelFor(tables.size(), [&](std::size_t v) { tables[v].emplace(dataset.views[v].photo); });
         for (auto& table : tables) alpha.push_back(std::move(*table));
     }
-    const int min_views = static_cast<int>(std::min<std::size_t>(2, dataset.views.size()));
     const double radius = 0.5 * std::sqrt(3.0) * grid.frame.voxel_size;
     const Vec3i leaves = grid.dims / kLeafDim;
     std::vector<Topology::LeafCells> cells(static_cast<std::size_t>(leaves.prod()));
@@ -107,12 +107,12 @@ std::vector<Topology::LeafCells> possibleCells(const Dataset& dataset, const Box
             const Vec3i cell = cells[n].leaf * kLeafDim + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
             if ((cell.array() >= grid.dims.array() - 1).any()) continue;
             const Vec3d center = grid.frame.worldFromIndex(cell.cast<double>() + Vec3d::Constant(0.5));
-            int n_seen = 0;
+            std::size_t n_seen = 0;
             bool is_empty = false;
             for (std::size_t v = 0; v < dataset.views.size() && !is_empty; ++v) {
                 const Sight sight = lookAtSphere(dataset.views[v].camera, alpha.empty() ? nullptr : &alpha[v], center,
                                                  radius);
-                n_seen += sight != Sight::unseen;
+                n_seen += sight == Sight::filled;
                 is_empty = sight == Sight::empty;
             }
             if (!is_empty && n_seen >= min_views) setBit(cells[n].cells, offset);
@@ -157,11 +157,13 @@ Box findSceneBox(const Dataset& dataset, const std::optional<Box>& given) {
     }
     if (!dataset.has_alpha) return cubeAround(focus, farthest > 0 ? farthest : 1.0);
 
-    // The hull inside the cameras' ring, twice: the second search looks at the first one's finding only.
+    // The hull inside the cameras' ring, again and again: each search looks at the last one's finding only. Space
+    // that few views see whole (behind the object, at the edges of the pictures) is no part of what was captured.
+    const std::size_t min_views = (dataset.views.size() + 1) / 2;
     Box box = cubeAround(focus, nearest > 0 ? nearest : 1.0);
-    for (int pass = 0; pass < 2; ++pass) {
+    for (int pass = 0; pass < 3; ++pass) {
         const BoxGrid grid = gridOver(box, kSearchResolution);
-        const std::vector<Topology::LeafCells> cells = possibleCells(dataset, grid);
+        const std::vector<Topology::LeafCells> cells = possibleCells(dataset, grid, min_views);
         if (cells.empty())
             throw DataError(dataset.root.string(), "alpha masks that agree on no point of space",
                             "an object that every mask shows", "check the poses, or give --bounds");

@@ -18,10 +18,10 @@ struct BoxGrid {
 };
 BoxGrid gridOver(const Box& box, int resolution);
 
-/// Cells of a grid that no photograph rules out: those that at least two cameras see (one, if there is only one)
-/// and, where photos have alpha, that no mask shows to be empty (the visual hull; Laurentini 1994).
-/// A cell stands for its bounding sphere; a view that sees only a part of it cannot rule it out.
-std::vector<Topology::LeafCells> possibleCells(const Dataset& dataset, const BoxGrid& grid);
+/// Cells of a grid that no photograph rules out: those that at least `min_views` cameras see whole and, where photos
+/// have alpha, that no mask shows to be empty (the visual hull; Laurentini 1994). A cell stands for its bounding
+/// sphere; a view that sees only a part of it neither counts nor rules it out.
+std::vector<Topology::LeafCells> possibleCells(const Dataset& dataset, const BoxGrid& grid, std::size_t min_views);
 
 /// The scene's box: given, else the data set's aabb_scale, else the bounds of the visual hull where photos have
 /// alpha, else the cameras' common view. Throws DataError when nothing is left.

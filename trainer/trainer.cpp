@@ -72,7 +72,7 @@ private:
 void Training::start() {
     const Box box = findSceneBox(dataset_, options_.bounds);
     const BoxGrid grid = gridOver(box, kCoarsestResolution);
-    Topology topology(grid.dims, possibleCells(dataset_, grid));
+    Topology topology(grid.dims, possibleCells(dataset_, grid, std::min<std::size_t>(2, dataset_.views.size())));
     if (topology.cellCount() == 0)
         throw DataError(dataset_.root.string(), "no point of the scene's box in view of two cameras",
                         "cameras that look at a common scene", "check the poses, or give --bounds");
