@@ -9,6 +9,7 @@
 #pragma once
 
 #include <array>
+#include <bit>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -26,6 +27,12 @@ using LeafMask = std::array<std::uint64_t, kLeafWords>;
 constexpr int brickOffset(int x, int y, int z) { return x * 64 + y * 8 + z; }
 inline bool testBit(const LeafMask& mask, int offset) { return mask[offset >> 6] >> (offset & 63) & 1; }
 inline void setBit(LeafMask& mask, int offset) { mask[offset >> 6] |= std::uint64_t{1} << (offset & 63); }
+/// Calls visit(offset) for every bit that is set, in order.
+template <typename Visit>
+void forEachBit(const LeafMask& mask, const Visit& visit) {
+    for (int word = 0; word < kLeafWords; ++word)
+        for (std::uint64_t bits = mask[word]; bits; bits &= bits - 1) visit(word * 64 + std::countr_zero(bits));
+}
 
 /// Leaves that contain at least one cell, and the leaves that hold these cells' upper corners.
 /// Immutable: adaptation makes a new one. Threads: const access is safe.

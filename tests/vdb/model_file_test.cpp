@@ -1,0 +1,441 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vdb/model_file.h"
+
+#include <openvdb/openvdb.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <csignal>
+#include <cstdlib>
+#include <fstream>
+
+#include "core/atomic_file.h"
+#include "core/error.h"
+#include "core/parallel.h"
+#include "core/random.h"
+#include "tests/support/catch.h"
+#include "tests/support/data.h"
+#include "tests/support/temp_dir.h"
+#include "vdb/value_steps.h"
+#include "vdb/vdb_file.h"
+
+using namespace nerfvdb;
+namespace fs = std::filesystem;
+
+namespace {
+
+float noise(std::uint64_t stream, std::uint64_t index) {  // [-1, 1)
+    return 2 * unitFloat(static_cast<std::uint32_t>(randomBits(7, stream, index))) - 1;
+}
+
+/// A shell of voxels with smooth densities and features plus noise, as training leaves them.
+Model shellModel(int n = 48, int channels = 8, float feature_scale = 1.0f) {
+    std::vector<Topology::LeafCells> cells;
+    for (int x = 0; x < n / 8; ++x)
+        for (int y = 0; y < n / 8; ++y)
+            for (int z = 0; z < n / 8; ++z) {
+                Topology::LeafCells entry{{x, y, z}, {}};
+                for (int offset = 0; offset < kLeafVoxels; ++offset) {
+                    const Vec3i ijk = Vec3i(x, y, z) * 8 + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
+                    const double radius = (ijk.cast<double>() - Vec3d::Constant(n / 2)).norm();
+                    if (std::abs(radius - n * 0.375) < 2 && ijk.maxCoeff() < n - 1) setBit(entry.cells, offset);
+                }
+                cells.push_back(entry);
+            }
+    Model model;
+    model.field = VoxelField(Topology(Vec3i::Constant(n), cells), {Vec3d(-1.2, 0.3, 1.0 / 3), 2.4 / n}, channels, 40.0);
+    const Topology& topology = model.field.topology();
+    for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf)
+        forEachBit(topology.voxels()[leaf], [&](int offset) {
+            const std::size_t voxel = leaf * kLeafVoxels + offset;
+            model.field.density()[voxel] = 2 + 3 * noise(0, voxel);
+            for (int k = 0; k < channels; ++k)
+                model.field.features()[voxel * channels + k] =
+                    feature_scale * (std::sin(0.3f * topology.leafCoords()[leaf][k % 3] + k) + 0.3f * noise(k + 1, voxel));
+        });
+    model.decoder = Decoder(channels, 5);
+    model.background = Vec3f(0.25f, 0.5f, 1.0f);
+    model.info = {"120,300,900", 0xfedcba9876543210ull, "fast", 31.25};
+    return model;
+}
+
+std::string messageOf(const fs::path& path) {
+    try {
+        loadModel(path);
+    } catch (const Error& error) {
+        return error.what();
+    }
+    return "no error";
+}
+
+bool sameMasks(std::span<const LeafMask> a, std::span<const LeafMask> b) {
+    return std::equal(a.begin(), a.end(), b.begin(), b.end());
+}
+
+void writeBytes(const fs::path& path, const std::string& bytes) {
+    std::ofstream(path, std::ios::binary) << bytes;
+}
+
+openvdb::FloatGrid::Ptr foreignGrid() {
+    openvdb::initialize();
+    auto grid = openvdb::FloatGrid::create(0.0f);
+    grid->setName("density");
+    grid->fill(openvdb::CoordBBox({0, 0, 0}, {20, 20, 20}), 1.0f);
+    return grid;
+}
+
+}  // namespace
+
+using Catch::Matchers::Contains;
+
+TEST_CASE("a model comes back as it was rounded, and saves to the same bytes again") {
+    const TempDir folder;
+    const float scale = GENERATE(1e-3f, 1.0f, 3e5f);
+    const Model model = shellModel(48, 8, scale);
+    saveModel(model, folder / "a.vdb");
+    const Model loaded = loadModel(folder / "a.vdb");
+    saveModel(loaded, folder / "b.vdb");
+    const bool same_bytes = readFile(folder / "a.vdb") == readFile(folder / "b.vdb");  // no bytes in messages
+    CHECK(same_bytes);
+
+    const Topology& before = model.field.topology();
+    const Topology& after = loaded.field.topology();
+    REQUIRE(after.dims() == before.dims());
+    REQUIRE(after.leafCount() == before.leafCount());
+    CHECK(std::equal(before.leafCoords().begin(), before.leafCoords().end(), after.leafCoords().begin()));
+    CHECK(sameMasks(before.cells(), after.cells()));
+    CHECK(sameMasks(before.voxels(), after.voxels()));
+
+    CHECK(loaded.field.frame().origin == model.field.frame().origin);
+    CHECK(loaded.field.frame().voxel_size == model.field.frame().voxel_size);
+    CHECK(loaded.field.densityScale() == model.field.densityScale());
+    CHECK(loaded.background == model.background);
+    CHECK(loaded.info.schedule == model.info.schedule);
+    CHECK(loaded.info.seed == model.info.seed);
+    CHECK(loaded.info.preset == model.info.preset);
+    CHECK(loaded.info.train_psnr == model.info.train_psnr);
+    REQUIRE(loaded.decoder.parameters().size() == model.decoder.parameters().size());
+    CHECK(std::equal(model.decoder.parameters().begin(), model.decoder.parameters().end(),
+                     loaded.decoder.parameters().begin()));
+
+    // Every value is the nearest multiple of its channel's step; what is not a voxel holds nothing.
+    const StepExponents steps = chooseSteps(model);
+    std::size_t wrong = 0;
+    for (std::size_t leaf = 0; leaf < before.leafCount(); ++leaf)
+        for (int offset = 0; offset < kLeafVoxels; ++offset) {
+            const std::size_t voxel = leaf * kLeafVoxels + offset;
+            const bool active = testBit(before.voxels()[leaf], offset);
+            for (int k = 0; k <= 8; ++k) {
+                const float expected = active ? valueOf(codeOf(keptValue(model.field, voxel, k), steps[k]), steps[k])
+                                              : (k == 0 ? kEmptyRaw : 0.0f);
+                wrong += keptValue(loaded.field, voxel, k) != expected;
+            }
+        }
+    CHECK(wrong == 0);
+    CHECK(steps[0] == -10);
+}
+
+TEST_CASE("rounding changes decoded colours by less than half a level of 8 bits") {
+    const TempDir folder;
+    const Model model = shellModel(48, 16, 2.0f);
+    saveModel(model, folder / "a.vdb");
+    const Model loaded = loadModel(folder / "a.vdb");
+    double sum = 0, weight_sum = 0;
+    const Vec3f direction = Vec3f(1, 2, -2) / 3.0f;
+    Decoder::Workspace work;
+    for (std::size_t leaf = 0; leaf < model.field.topology().leafCount(); ++leaf)
+        forEachBit(model.field.topology().voxels()[leaf], [&](int offset) {
+            const std::size_t at = (leaf * kLeafVoxels + offset) * 16;
+            float a[3], b[3];
+            model.decoder.forward(1, &model.field.features()[at], direction.data(), a, work);
+            loaded.decoder.forward(1, &loaded.field.features()[at], direction.data(), b, work);
+            for (int c = 0; c < 3; ++c) sum += (a[c] - b[c]) * (a[c] - b[c]), ++weight_sum;
+        });
+    // The steps are chosen for a standard deviation of at most 2e-3 of one voxel; 1.5 times for one direction.
+    CHECK(std::sqrt(sum / weight_sum) < 3e-3);
+    CHECK(std::sqrt(sum / weight_sum) > 1e-4);  // else bytes are wasted
+}
+
+TEST_CASE("the bytes of a model do not depend on the number of threads") {
+    const TempDir folder;
+    const Model model = shellModel();
+    saveModel(model, folder / "many.vdb");
+    const ThreadLimit one(1);
+    saveModel(model, folder / "one.vdb");
+    const bool same_bytes = readFile(folder / "many.vdb") == readFile(folder / "one.vdb");
+    CHECK(same_bytes);
+}
+
+TEST_CASE("an empty field and a full one are models too") {
+    const TempDir folder;
+    Model model;
+    model.decoder = Decoder(4, 1);
+    model.field = VoxelField(Topology(Vec3i(8, 16, 24), {}), {}, 4, 1.0);
+    saveModel(model, folder / "empty.vdb");
+    CHECK(loadModel(folder / "empty.vdb").field.topology().leafCount() == 0);
+    CHECK(loadModel(folder / "empty.vdb").field.topology().dims() == Vec3i(8, 16, 24));
+
+    std::vector<Topology::LeafCells> cells;
+    for (int i = 0; i < 3; ++i) {
+        LeafMask all;
+        all.fill(~std::uint64_t{0});
+        cells.push_back({Vec3i(i, 0, 0), all});
+    }
+    model.field = VoxelField(Topology(Vec3i(32, 16, 16), cells), {}, 4, 1.0);
+    saveModel(model, folder / "full.vdb");
+    const Model full = loadModel(folder / "full.vdb");
+    CHECK(full.field.topology().cellCount() == 3 * 512);
+    CHECK(full.field.topology().voxelCount() == 25 * 9 * 9);
+}
+
+TEST_CASE("a model without a grid, or with a NaN, is not saved") {
+    const TempDir folder;
+    CHECK_THROWS_AS(saveModel(Model{}, folder / "a.vdb"), UsageError);
+    for (const float bad : {NAN, INFINITY, -INFINITY}) {
+        Model model = shellModel();
+        const auto voxels = model.field.topology().voxels();
+        std::size_t leaf = voxels.size() / 2;
+        while (voxels[leaf] == LeafMask{}) ++leaf;
+        std::size_t voxel = 0;
+        forEachBit(voxels[leaf], [&](int offset) { voxel = leaf * kLeafVoxels + offset; });
+        model.field.density()[voxel] = bad;
+        CHECK_THROWS_AS(saveModel(model, folder / "a.vdb"), NumericError);
+        model.field.density()[voxel] = 0;
+        model.field.features()[voxel * 8 + 5] = bad;
+        CHECK_THROWS_WITH(saveModel(model, folder / "a.vdb"), Contains("feature channel 5"));
+        model.field.features()[voxel * 8 + 5] = 0;
+        model.decoder.parameters()[3] = bad;
+        CHECK_THROWS_AS(saveModel(model, folder / "a.vdb"), NumericError);
+    }
+    CHECK_FALSE(fs::exists(folder / "a.vdb"));
+}
+
+TEST_CASE("other programs see the density in world units") {
+    const TempDir folder;
+    Model model = shellModel();
+    saveModel(model, folder / "a.vdb");
+    openvdb::initialize();
+    openvdb::io::File file((folder / "a.vdb").string());
+    file.open(false);
+    const auto grids = file.getGrids();
+    REQUIRE(grids->size() == 1);
+    const auto grid = openvdb::gridPtrCast<openvdb::FloatGrid>(grids->front());
+    CHECK(grid->getName() == "density");
+    CHECK(grid->getGridClass() == openvdb::GRID_FOG_VOLUME);
+    CHECK(grid->saveFloatAsHalf());
+    CHECK(grid->background() == 0.0f);
+    CHECK(grid->activeVoxelCount() == model.field.topology().voxelCount());
+    const auto accessor = grid->getConstAccessor();
+    std::size_t wrong = 0;
+    for (std::size_t leaf = 0; leaf < model.field.topology().leafCount(); ++leaf)
+        forEachBit(model.field.topology().voxels()[leaf], [&](int offset) {
+            const Vec3i ijk =
+                model.field.topology().leafCoords()[leaf] * 8 + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
+            const openvdb::Coord at(ijk.x(), ijk.y(), ijk.z());
+            const float sigma = sigmaFromRaw(model.field.density()[leaf * kLeafVoxels + offset], 40.0);
+            // half keeps 11 bits, and raw density is rounded to 2^-10 before
+            wrong += !accessor.isValueOn(at) || std::abs(accessor.getValue(at) - sigma) > sigma * 0x1.01p-10f;
+        });
+    CHECK(wrong == 0);
+    const openvdb::Vec3d world = grid->indexToWorld(openvdb::Vec3d(3, 4, 5));
+    const Vec3d expected = model.field.frame().worldFromIndex(Vec3d(3, 4, 5));
+    for (int axis = 0; axis < 3; ++axis) CHECK(world[axis] == Approx(expected[axis]).epsilon(1e-14));
+}
+
+TEST_CASE("densities that half cannot say are stored as float") {
+    const TempDir folder;
+    for (const double voxel_size : {2e-5, 1e4}) {  // sigma of 50,000 and more overflows half; far below 1e-3 it loses its bits
+        const Model from = shellModel();
+        Model model;
+        std::vector<Topology::LeafCells> cells;
+        for (std::size_t i = 0; i < from.field.topology().leafCount(); ++i)
+            cells.push_back({from.field.topology().leafCoords()[i], from.field.topology().cells()[i]});
+        model.field = VoxelField(Topology(from.field.topology().dims(), cells), {Vec3d::Zero(), voxel_size}, 8,
+                                 2.0 / voxel_size);
+        for (float& raw : model.field.density()) raw = 0.0f;
+        model.decoder = Decoder(8, 1);
+        saveModel(model, folder / "a.vdb");
+        openvdb::initialize();
+        openvdb::io::File file((folder / "a.vdb").string());
+        file.open(false);
+        const auto grid = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid("density"));
+        CHECK_FALSE(grid->saveFloatAsHalf());
+        CHECK(*grid->cbeginValueOn() == static_cast<float>(2.0 / voxel_size));
+    }
+}
+
+TEST_CASE("damaged models are refused before anything is parsed") {
+    const TempDir folder;
+    saveModel(shellModel(24), folder / "good.vdb");
+    const std::string good = readFile(folder / "good.vdb");
+    const fs::path bad = folder / "bad.vdb";
+    for (int i = 0; i < 64; ++i) {
+        const std::size_t at = good.size() * i / 64;
+        std::string flipped = good;
+        flipped[at] = static_cast<char>(flipped[at] ^ (1 << (i % 8)));
+        writeBytes(bad, flipped);
+        CHECK_THROWS_AS(loadModel(bad), DataError);
+        writeBytes(bad, good.substr(0, at));
+        CHECK_THROWS_AS(loadModel(bad), DataError);
+    }
+    for (std::size_t at = 0; at < 100; ++at) {  // every byte of the header
+        std::string flipped = good;
+        flipped[at] = static_cast<char>(flipped[at] ^ 0x10);
+        writeBytes(bad, flipped);
+        CHECK_THROWS_AS(loadModel(bad), DataError);
+    }
+    writeBytes(bad, good + "x");
+    CHECK_THAT(messageOf(bad), Contains("bad.vdb") && Contains("checksum"));
+    writeBytes(bad, good.substr(0, good.size() - 1));
+    CHECK_THAT(messageOf(bad), Contains("truncated"));
+}
+
+TEST_CASE("what is not a model is told apart") {
+    const TempDir folder;
+    CHECK_THROWS_AS(loadModel(folder / "absent.vdb"), IoError);
+    CHECK_THROWS_AS(isVdbFile(folder / "absent.vdb"), IoError);
+    CHECK_THROWS_AS(loadModel(folder.path()), IoError);
+
+    writeBytes(folder / "text.vdb", "once upon a time there was a text file that was no volume at all");
+    CHECK_THAT(messageOf(folder / "text.vdb"), Contains("no .vdb file"));
+    CHECK_FALSE(isVdbFile(folder / "text.vdb"));
+    writeBytes(folder / "empty.vdb", "");
+    CHECK_THAT(messageOf(folder / "empty.vdb"), Contains("an empty file"));
+    CHECK_FALSE(isVdbFile(folder / "empty.vdb"));
+
+    openvdb::io::File((folder / "foreign.vdb").string()).write(openvdb::GridCPtrVec{foreignGrid()});
+    CHECK_THAT(messageOf(folder / "foreign.vdb"), Contains("not a nerfvdb model"));
+    CHECK(isVdbFile(folder / "foreign.vdb"));
+
+    writeVdb(folder / "volume.vdb", {foreignGrid()}, {});
+    CHECK_THAT(messageOf(folder / "volume.vdb"), Contains("exported volume"));
+
+    // A model that went through another program: its grids and metadata live on, its seal does not.
+    saveModel(shellModel(24), folder / "model.vdb");
+    openvdb::io::File in((folder / "model.vdb").string());
+    in.open(false);
+    openvdb::io::File((folder / "again.vdb").string()).write(*in.getGrids(), *in.getMetadata());
+    CHECK_THAT(messageOf(folder / "again.vdb"), Contains("written anew"));
+
+    // A model of a later version: intact, but not for this program.
+    openvdb::MetaMap later(*in.getMetadata());
+    later.insertMeta("nerfvdb_format", openvdb::Int32Metadata(2));
+    writeVdb(folder / "later.vdb", {foreignGrid()}, later);
+    CHECK_THAT(messageOf(folder / "later.vdb"), Contains("nerfvdb_format") && Contains("newer"));
+}
+
+TEST_CASE("sealed models with parts that do not fit are refused") {
+    const TempDir folder;
+    saveModel(shellModel(24), folder / "model.vdb");
+    openvdb::io::File in((folder / "model.vdb").string());
+    in.open(false);
+    const openvdb::MetaMap::Ptr good = in.getMetadata();
+    const auto refusal = [&](const std::string& name, const openvdb::Metadata* value) {
+        openvdb::MetaMap map(*good);
+        map.removeMeta(name);
+        if (value) map.insertMeta(name, *value);
+        writeVdb(folder / "bad.vdb", {foreignGrid()}, map);
+        return messageOf(folder / "bad.vdb");
+    };
+    for (const char* name : {"nerfvdb_dims", "nerfvdb_values", "nerfvdb_decoder", "nerfvdb_voxel_size", "nerfvdb_seed"})
+        CHECK_THAT(refusal(name, nullptr), Contains(name) && Contains("nothing"));
+    const openvdb::Int32Metadata channels(9), no_channels(-1);
+    CHECK_THAT(refusal("nerfvdb_channels", &channels), Contains("bad.vdb"));
+    CHECK_THAT(refusal("nerfvdb_channels", &no_channels), Contains("nerfvdb_channels"));
+    const openvdb::DoubleMetadata nan(NAN);
+    CHECK_THAT(refusal("nerfvdb_voxel_size", &nan), Contains("a positive number"));
+    const openvdb::Vec3IMetadata small(openvdb::Vec3i(16)), crooked(openvdb::Vec3i(25));
+    CHECK_THAT(refusal("nerfvdb_dims", &small), Contains("nerfvdb_cells"));
+    CHECK_THAT(refusal("nerfvdb_dims", &crooked), Contains("nerfvdb_cells"));
+
+    // Learned values of the right length but the wrong content: refused or decoded, never a crash.
+    for (const char* name : {"nerfvdb_cells", "nerfvdb_values", "nerfvdb_decoder"}) {
+        const auto& blob = dynamic_cast<const openvdb::UnknownMetadata&>(*(*good)[name]);
+        for (int i = 0; i < 24; ++i) {
+            auto bytes = blob.value();
+            bytes[bytes.size() * i / 24] ^= 0x41;
+            openvdb::UnknownMetadata wrong(blob.typeName());
+            wrong.setValue(bytes);
+            refusal(name, &wrong);
+            bytes.resize(bytes.size() * i / 24);
+            wrong.setValue(bytes);
+            CHECK(refusal(name, &wrong) != "no error");
+        }
+    }
+}
+
+TEST_CASE("a save that fails leaves the old file alone") {
+    const TempDir folder;
+    const Model model = shellModel(24);
+    const fs::path path = folder / "model.vdb";
+    saveModel(model, path);
+    const std::string old = readFile(path);
+
+    // A disk that is full after some kilobytes, in a process of its own.
+    for (const std::size_t limit : {std::size_t{0}, old.size() / 4, old.size() - 1}) {
+        const pid_t child = fork();
+        REQUIRE(child >= 0);
+        if (child == 0) {
+            const ThreadLimit one(1);  // the parent's threads did not come along
+            std::signal(SIGXFSZ, SIG_IGN);
+            const rlimit full{limit, limit};
+            setrlimit(RLIMIT_FSIZE, &full);
+            try {
+                saveModel(model, path);
+            } catch (const IoError& error) {
+                _exit(std::string(error.what()).find("model.vdb") != std::string::npos ? 0 : 3);
+            } catch (...) {
+                _exit(2);
+            }
+            _exit(1);
+        }
+        int status = 0;
+        waitpid(child, &status, 0);
+        CHECK(WIFEXITED(status));
+        CHECK(WEXITSTATUS(status) == 0);
+        const bool untouched = readFile(path) == old;
+        CHECK(untouched);
+    }
+    CHECK(std::distance(fs::directory_iterator(folder.path()), fs::directory_iterator()) == 1);
+
+    fs::create_directory(folder / "folder.vdb");
+    CHECK_THROWS_AS(saveModel(model, folder / "folder.vdb"), IoError);
+    CHECK_THROWS_AS(saveModel(model, folder / "absent" / "model.vdb"), IoError);
+    if (geteuid() != 0) {  // root may write anywhere
+        fs::create_directory(folder / "closed");
+        fs::permissions(folder / "closed", fs::perms::owner_read | fs::perms::owner_exec);
+        CHECK_THROWS_AS(saveModel(model, folder / "closed" / "model.vdb"), IoError);
+        fs::permissions(folder / "closed", fs::perms::owner_all);
+    }
+}
+
+TEST_CASE("vdb_print opens a model") {
+    NERFVDB_NEEDS("/usr/bin/vdb_print");
+    const TempDir folder;
+    saveModel(shellModel(24), folder / "model.vdb");
+    const std::string out = (folder / "out.txt").string();
+    CHECK(std::system(("/usr/bin/vdb_print -l -m " + (folder / "model.vdb").string() + " > " + out + " 2>&1").c_str()) == 0);
+    const std::string text = readFile(out);
+    CHECK_THAT(text, Contains("density") && Contains("float") && Contains("nerfvdb_schedule: 120,300,900"));
+    CHECK_THAT(text, Contains("nerfvdb_values: <binary data>"));
+}
+
+TEST_CASE("OpenVDB's Python module opens a model") {
+    if (std::system("/usr/bin/python3 -c 'import pyopenvdb' > /dev/null 2>&1") != 0) {
+        std::cout << "skipped: no pyopenvdb here" << std::endl;
+        ++testing::skippedTests();
+        return;
+    }
+    const TempDir folder;
+    const Model model = shellModel(24);
+    saveModel(model, folder / "model.vdb");
+    const std::string script = "import pyopenvdb as vdb\ngrids, facts = vdb.readAll('" + (folder / "model.vdb").string() +
+                               "')\nassert [g.name for g in grids] == ['density']\n"
+                               "assert grids[0].activeVoxelCount() == " +
+                               std::to_string(model.field.topology().voxelCount()) +
+                               "\nassert facts['nerfvdb_format'] == 1\nassert facts['nerfvdb_preset'] == 'fast'\n";
+    writeBytes(folder / "check.py", script);
+    CHECK(std::system(("/usr/bin/python3 " + (folder / "check.py").string()).c_str()) == 0);
+}

@@ -1,0 +1,282 @@
+// SPDX-License-Identifier: Apache-2.0
+// Layout of model.vdb, version 1.
+//
+// One grid, for everyone: "density", float, fog volume, 1 / world unit, active exactly where the field has voxels.
+// Everything else is metadata of the file. Facts that people may want to read are plain numbers and strings:
+//   nerfvdb_format          int32    1
+//   nerfvdb_dims            vec3i    voxels per axis
+//   nerfvdb_origin          vec3d    world position of voxel (0, 0, 0)
+//   nerfvdb_voxel_size      double   world units
+//   nerfvdb_density_scale   double   sigma = density_scale * exp(min(raw, 15))
+//   nerfvdb_background      vec3s    sRGB values
+//   nerfvdb_channels        int32    features per voxel
+//   nerfvdb_decoder_widths  string   layer widths, "35,64,64,3"
+//   nerfvdb_schedule, nerfvdb_preset string; nerfvdb_seed int64; nerfvdb_train_psnr double
+// Learned values are bytes of the type "nerfvdb_bytes", little-endian:
+//   nerfvdb_cells           cells of the topology (field_codec.h)
+//   nerfvdb_values          raw density and features of active voxels (field_codec.h)
+//   nerfvdb_decoder         float weights, in the order of Decoder::parameters()
+// The type is one that OpenVDB does not know, on purpose: for metadata (not for grids!) every program then keeps
+// the bytes without looking inside, whereas a string of arbitrary bytes makes OpenVDB's Python module throw.
+#include "vdb/model_file.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <fstream>
+
+#include "core/atomic_file.h"
+#include "core/error.h"
+#include "core/parallel.h"
+#include "vdb/field_codec.h"
+#include "vdb/topology_tree.h"
+#include "vdb/vdb_file.h"
+
+namespace nerfvdb {
+namespace {
+
+constexpr std::int32_t kFormat = 1;
+constexpr const char* kBytesType = "nerfvdb_bytes";
+// The name that tells a model from other files; it stands near the start of every model.
+constexpr const char* kMark = "nerfvdb_cells";
+constexpr int kMaxDims = 1 << 16, kMaxChannels = 256;
+
+static_assert(std::endian::native == std::endian::little, "weights are written as they lie in memory");
+
+// ---- Saving ----
+
+/// Sigma of every active voxel, as it will be after loading. Half precision where that suffices, else float.
+openvdb::FloatGrid::Ptr densityGrid(const VoxelField& field, int step_exponent) {
+    using Leaf = openvdb::FloatTree::LeafNodeType;
+    const Topology& topology = field.topology();
+    std::vector<Leaf*> leaves(topology.leafCount());
+    std::vector<float> largest(topology.leafCount(), 0.0f);
+    parallelFor(topology.leafCount(), [&](std::size_t i) {
+        leaves[i] = new Leaf(leafOrigin(topology.leafCoords()[i]), 0.0f);
+        forEachBit(topology.voxels()[i], [&](int offset) {
+            const float raw = keptValue(field, i * kLeafVoxels + offset, 0);
+            const float sigma =
+                sigmaFromRaw(valueOf(codeOf(raw, step_exponent), step_exponent), field.densityScale());
+            leaves[i]->setValueOn(offset, sigma);
+            largest[i] = std::max(largest[i], sigma);
+        });
+    });
+    auto grid = openvdb::FloatGrid::create(0.0f);
+    for (Leaf* leaf : leaves) grid->tree().addLeaf(leaf);
+
+    grid->setName("density");
+    grid->setGridClass(openvdb::GRID_FOG_VOLUME);
+    grid->setTransform(gridTransform(field.frame()));
+    const float top = largest.empty() ? 0.0f : *std::max_element(largest.begin(), largest.end());
+    grid->setSaveFloatAsHalf(halfSuffices(top, field.frame().voxel_size));
+    return grid;
+}
+
+void insertBytes(openvdb::MetaMap& facts, const std::string& name, const std::string& bytes) {
+    if (bytes.size() > 0xffffffffu)
+        throw DataError(name, std::to_string(bytes.size()) + " bytes of learned values", "at most 4 GiB",
+                        "the scene is too large for one model file: use a coarser grid or smaller bounds");
+    openvdb::UnknownMetadata metadata(kBytesType);
+    metadata.setValue(openvdb::UnknownMetadata::ByteVec(bytes.begin(), bytes.end()));
+    facts.insertMeta(name, metadata);
+}
+
+std::string widthsText(const MlpShape& shape) {
+    std::string text;
+    for (const int width : shape.widths) {
+        if (!text.empty()) text += ',';
+        text += std::to_string(width);
+    }
+    return text;
+}
+
+bool allFinite(std::span<const float> values) {
+    for (const float value : values)
+        if (!std::isfinite(value)) return false;
+    return true;
+}
+
+void checkModel(const Model& model) {
+    const VoxelField& field = model.field;
+    const GridFrame& frame = field.frame();
+    if (field.topology().dims().minCoeff() < kLeafDim || field.topology().dims().maxCoeff() > kMaxDims)
+        throw UsageError("model", "a grid without voxels or more than 65536 along an edge", "a grid to save");
+    if (!frame.origin.allFinite() || !std::isfinite(frame.voxel_size) || frame.voxel_size <= 0)
+        throw NumericError("model", "a grid frame that is not finite and positive", "world units");
+    if (!(field.densityScale() > 0) || !std::isfinite(sigmaFromRaw(kMaxRaw, field.densityScale())))
+        throw NumericError("model", "density scale " + std::to_string(field.densityScale()),
+                           "a positive number that leaves sigma finite");
+    if (field.channels() != model.decoder.channels() || field.channels() > kMaxChannels)
+        throw UsageError("model", std::to_string(field.channels()) + " features a voxel",
+                         std::to_string(model.decoder.channels()) + " as the decoder reads");
+    if (!allFinite(model.decoder.parameters()) || !model.background.allFinite())
+        throw NumericError("model", "NaN or infinity in the decoder or the background", "finite numbers",
+                           "training has diverged: nothing was saved");
+}
+
+// ---- Loading ----
+
+/// Metadata of one file, by name; everything missing or of a wrong type is a DataError that names it.
+class Facts {
+public:
+    Facts(const openvdb::MetaMap& map, std::string path) : map_(map), path_(std::move(path)) {}
+
+    std::string where(const std::string& name) const { return path_ + ": " + name; }
+
+    template <typename T>
+    T get(const std::string& name) const {
+        const auto value = map_.getMetadata<openvdb::TypedMetadata<T>>(name);
+        if (!value) throw DataError(where(name), "nothing", std::string("a ") + openvdb::typeNameAsString<T>());
+        return value->value();
+    }
+    std::span<const std::uint8_t> bytes(const std::string& name) const {
+        const openvdb::Metadata::ConstPtr found = map_[name];
+        const auto* value = dynamic_cast<const openvdb::UnknownMetadata*>(found.get());
+        if (!value) throw DataError(where(name), "nothing", "learned values");
+        return value->value();
+    }
+
+private:
+    const openvdb::MetaMap& map_;
+    std::string path_;
+};
+
+/// A model is intact before anything in it is looked at; else says what the file is instead.
+void checkFile(const std::filesystem::path& path) {
+    std::string bytes = readFile(path);
+    const std::string_view beginning = std::string_view(bytes).substr(0, 4096);
+    const bool marked = beginning.find(kMark) != std::string_view::npos;
+    switch (checkVdbSeal(bytes)) {
+        case VdbSeal::not_vdb:
+            throw DataError(path.string(), bytes.empty() ? "an empty file" : "no .vdb file", "a model.vdb",
+                            "give the file that `nerfvdb train --out` wrote");
+        case VdbSeal::foreign:
+            if (marked)
+                throw DataError(path.string(), "a model that another program has written anew",
+                                "the file as nerfvdb wrote it", "use the original: its checksum guards it");
+            throw DataError(path.string(), "not a nerfvdb model: a .vdb of another program",
+                            "a file that `nerfvdb train` wrote", "plain volumes carry no colours to render");
+        case VdbSeal::broken:
+            throw DataError(path.string(),
+                            "damaged or truncated content (" + std::to_string(bytes.size()) +
+                                " bytes that do not match the checksum)",
+                            "an intact model", "copy the file again or train anew");
+        case VdbSeal::intact:
+            if (!marked)
+                throw DataError(path.string(), "not a nerfvdb model: an exported volume without learned values",
+                                "a model.vdb", "give the model that it was exported from");
+    }
+}
+
+Vec3i gridDims(const Facts& facts) {
+    const openvdb::Vec3i stored = facts.get<openvdb::Vec3i>("nerfvdb_dims");
+    const Vec3i dims(stored.x(), stored.y(), stored.z());
+    if (dims.minCoeff() < kLeafDim || dims.maxCoeff() > kMaxDims)
+        throw DataError(facts.where("nerfvdb_dims"), stored.str(), "8 to 65536 voxels along each edge");
+    return dims;
+}
+
+double positive(const Facts& facts, const std::string& name) {
+    const double value = facts.get<double>(name);
+    if (!std::isfinite(value) || value <= 0)
+        throw DataError(facts.where(name), std::to_string(value), "a positive number");
+    return value;
+}
+
+Decoder loadDecoder(const Facts& facts, int channels) {
+    Decoder decoder(channels, 0);
+    const std::string widths = facts.get<std::string>("nerfvdb_decoder_widths");
+    if (widths != widthsText(decoder.shape()))
+        throw DataError(facts.where("nerfvdb_decoder_widths"), widths, widthsText(decoder.shape()),
+                        "another version of nerfvdb made this model: use that one");
+    const std::span<const std::uint8_t> bytes = facts.bytes("nerfvdb_decoder");
+    const std::span<float> parameters = decoder.parameters();
+    if (bytes.size() != parameters.size_bytes())
+        throw DataError(facts.where("nerfvdb_decoder"), std::to_string(bytes.size()) + " bytes",
+                        std::to_string(parameters.size_bytes()));
+    std::memcpy(parameters.data(), bytes.data(), bytes.size());
+    if (!allFinite(parameters)) throw DataError(facts.where("nerfvdb_decoder"), "NaN or infinity", "finite weights");
+    return decoder;
+}
+
+VoxelField loadField(const Facts& facts) {
+    GridFrame frame;
+    const openvdb::Vec3d origin = facts.get<openvdb::Vec3d>("nerfvdb_origin");
+    frame.origin = Vec3d(origin.x(), origin.y(), origin.z());
+    frame.voxel_size = positive(facts, "nerfvdb_voxel_size");
+    const int channels = facts.get<std::int32_t>("nerfvdb_channels");
+    if (channels < 3 || channels > kMaxChannels)
+        throw DataError(facts.where("nerfvdb_channels"), std::to_string(channels), "3 to 256");
+    VoxelField field(decodeTopology(gridDims(facts), facts.bytes("nerfvdb_cells"), facts.where("nerfvdb_cells")),
+                     frame, channels, positive(facts, "nerfvdb_density_scale"));
+    decodeValues(facts.bytes("nerfvdb_values"), facts.where("nerfvdb_values"), field);
+    return field;
+}
+
+}  // namespace
+
+void saveModel(const Model& model, const std::filesystem::path& path) {
+    checkModel(model);
+    const VoxelField& field = model.field;
+    const GridFrame& frame = field.frame();
+    const std::span<const float> weights = model.decoder.parameters();
+    const StepExponents steps = chooseSteps(model);
+
+    openvdb::MetaMap facts;
+    facts.insertMeta("creator", openvdb::StringMetadata("nerfvdb"));
+    facts.insertMeta("nerfvdb_format", openvdb::Int32Metadata(kFormat));
+    facts.insertMeta("nerfvdb_dims", openvdb::Vec3IMetadata(openvdb::Vec3i(field.topology().dims().data())));
+    facts.insertMeta("nerfvdb_origin", openvdb::Vec3DMetadata(openvdb::Vec3d(frame.origin.data())));
+    facts.insertMeta("nerfvdb_voxel_size", openvdb::DoubleMetadata(frame.voxel_size));
+    facts.insertMeta("nerfvdb_density_scale", openvdb::DoubleMetadata(field.densityScale()));
+    facts.insertMeta("nerfvdb_background", openvdb::Vec3SMetadata(openvdb::Vec3s(model.background.data())));
+    facts.insertMeta("nerfvdb_channels", openvdb::Int32Metadata(field.channels()));
+    facts.insertMeta("nerfvdb_decoder_widths", openvdb::StringMetadata(widthsText(model.decoder.shape())));
+    facts.insertMeta("nerfvdb_schedule", openvdb::StringMetadata(model.info.schedule));
+    facts.insertMeta("nerfvdb_seed", openvdb::Int64Metadata(static_cast<std::int64_t>(model.info.seed)));
+    facts.insertMeta("nerfvdb_preset", openvdb::StringMetadata(model.info.preset));
+    facts.insertMeta("nerfvdb_train_psnr", openvdb::DoubleMetadata(model.info.train_psnr));
+    insertBytes(facts, "nerfvdb_cells", encodeTopology(field.topology()));
+    insertBytes(facts, "nerfvdb_values", encodeValues(field, steps));
+    insertBytes(facts, "nerfvdb_decoder", {reinterpret_cast<const char*>(weights.data()), weights.size_bytes()});
+    openvdb::initialize();
+    writeVdb(path, {densityGrid(field, steps[0])}, facts);
+}
+
+Model loadModel(const std::filesystem::path& path) {
+    checkFile(path);
+    try {
+        openvdb::initialize();
+        openvdb::io::File file(path.string());
+        constexpr bool kDelayedLoading = false;
+        file.open(kDelayedLoading);
+        const openvdb::MetaMap::Ptr map = file.getMetadata();
+        const Facts facts(*map, path.string());
+        if (const auto format = facts.get<std::int32_t>("nerfvdb_format"); format != kFormat)
+            throw DataError(facts.where("nerfvdb_format"), std::to_string(format), std::to_string(kFormat),
+                            "a newer nerfvdb wrote this model: update this program");
+        Model model;
+        model.field = loadField(facts);
+        model.decoder = loadDecoder(facts, model.field.channels());
+        const openvdb::Vec3s background = facts.get<openvdb::Vec3s>("nerfvdb_background");
+        model.background = Vec3f(background.x(), background.y(), background.z());
+        model.info.schedule = facts.get<std::string>("nerfvdb_schedule");
+        model.info.seed = static_cast<std::uint64_t>(facts.get<std::int64_t>("nerfvdb_seed"));
+        model.info.preset = facts.get<std::string>("nerfvdb_preset");
+        model.info.train_psnr = facts.get<double>("nerfvdb_train_psnr");
+        return model;
+    } catch (const openvdb::Exception& error) {
+        throw DataError(path.string(), std::string("OpenVDB's error \"") + error.what() + "\"", "a model.vdb");
+    }
+}
+
+bool isVdbFile(const std::filesystem::path& path) {
+    std::ifstream file(path, std::ios::binary);
+    std::string bytes(8, '\0');
+    if (!file || (!file.read(bytes.data(), 8) && !file.eof()))
+        throw IoError(path.string(), "a file that cannot be read", "a readable file", "check path and permissions");
+    return hasVdbMagic(bytes);
+}
+
+}  // namespace nerfvdb

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// Writing .vdb files that repeat byte for byte, are never half written, and carry their own checksum.
+// Included only by .cpp files that work on grids (the header is heavy).
+//
+// OpenVDB gives every file a random UUID. Here it is a custom UUID (version 8 of RFC 9562) made of the XXH3 hash
+// of all other bytes: equal content gives equal files, and a reader can tell damage before it parses anything.
+#pragma once
+
+#include <openvdb/openvdb.h>
+
+#include <filesystem>
+#include <string>
+
+#include "vdb/voxel_field.h"
+
+namespace nerfvdb {
+
+/// Where a grid of this frame lies: voxel values sit at integer index coordinates, as in OpenVDB.
+/// Throws DataError for voxels so small that OpenVDB takes their size for zero.
+openvdb::math::Transform::Ptr gridTransform(const GridFrame& frame);
+
+/// True if half precision says every density that can be seen: `largest_sigma` does not overflow (65504), and
+/// what falls below half's normal range (6e-5) is invisible across a voxel. Else the world unit is unusual.
+bool halfSuffices(float largest_sigma, double voxel_size);
+
+/// What the bytes of a file say of its origin.
+enum class VdbSeal {
+    not_vdb,  // no .vdb header
+    foreign,  // a .vdb whose UUID is not a hash: another program wrote it
+    broken,   // a UUID of our kind that is not the hash of the content
+    intact,
+};
+
+/// Judges a file from all its bytes; they are left as they came.
+VdbSeal checkVdbSeal(std::string& bytes);
+
+/// True if `bytes` begin as every .vdb does.
+bool hasVdbMagic(const std::string& bytes);
+
+/// Writes grids and file-level metadata atomically, Blosc-compressed, inactive values left out, sealed.
+/// Half or float is a setting of each grid. Throws IoError; the file that stood at `path` is then untouched.
+void writeVdb(const std::filesystem::path& path, const openvdb::GridCPtrVec& grids,
+              const openvdb::MetaMap& metadata);
+
+}  // namespace nerfvdb
