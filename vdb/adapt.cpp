@@ -5,24 +5,12 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <vector>
 
 #include "core/parallel.h"
 #include "vdb/topology_tree.h"
 
 namespace nerfvdb {
-namespace {
-
-/// Calls use(offset) for each set bit.
-template <typename Use>
-void forEachBit(const LeafMask& mask, const Use& use) {
-    for (int word = 0; word < kLeafWords; ++word)
-        for (std::uint64_t bits = mask[word]; bits; bits &= bits - 1) use(word * 64 + std::countr_zero(bits));
-}
-
-}  // namespace
-
 Topology subdivide(const Topology& coarse, std::span<const LeafMask> cells) {
     std::vector<Topology::LeafCells> fine;
     for (std::size_t leaf = 0; leaf < coarse.leafCount(); ++leaf) {
