@@ -131,8 +131,9 @@ void runTrain(const TrainWords& words) {
                       sizeText(static_cast<double>(peakMemoryBytes())).c_str());
     words.shared.finish(json, text);
     if (result.interrupted)
-        throw Interrupted("stopped at step " + std::to_string(result.steps) + " as asked, and saved " +
-                          out.string() + "; the same command with --resume goes on");
+        throw Interrupted(
+            "stopped at step " + std::to_string(result.steps) + " as asked, and saved " + out.string() +
+            (std::filesystem::exists(checkpoint) ? "; the same command with --resume goes on" : ""));
 }
 
 }  // namespace

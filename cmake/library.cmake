@@ -3,19 +3,7 @@
 # nerfvdb_library(FOLDER SOURCE...) makes the library of one folder: target nerfvdb_FOLDER, known to others as
 # nerfvdb::FOLDER, installed with the folder's headers.
 function(nerfvdb_library folder)
-  set(sources ${ARGN})
-  # Under construction: files that do not exist yet are left out.
-  foreach(source IN LISTS sources)
-    if(NOT EXISTS ${CMAKE_CURRENT_SOURCE_DIR}/${source})
-      list(REMOVE_ITEM sources ${source})
-    endif()
-  endforeach()
-  if(NOT sources)
-    file(WRITE ${CMAKE_CURRENT_BINARY_DIR}/empty.cpp "")
-    set(sources ${CMAKE_CURRENT_BINARY_DIR}/empty.cpp)
-  endif()
-
-  add_library(nerfvdb_${folder} STATIC ${sources})
+  add_library(nerfvdb_${folder} STATIC ${ARGN})
   add_library(nerfvdb::${folder} ALIAS nerfvdb_${folder})
   set_target_properties(nerfvdb_${folder} PROPERTIES EXPORT_NAME ${folder})
   target_compile_features(nerfvdb_${folder} PUBLIC cxx_std_20)
@@ -26,5 +14,5 @@ function(nerfvdb_library folder)
 
   install(TARGETS nerfvdb_${folder} EXPORT nerfvdb ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
   install(DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR}/ DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/nerfvdb/${folder}
-          FILES_MATCHING PATTERN "*.h" PATTERN "simd" EXCLUDE)
+          FILES_MATCHING PATTERN "*.h" PATTERN "*.inl")
 endfunction()
