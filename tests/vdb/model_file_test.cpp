@@ -14,52 +14,18 @@
 #include "core/atomic_file.h"
 #include "core/error.h"
 #include "core/parallel.h"
-#include "core/random.h"
 #include "tests/support/catch.h"
 #include "tests/support/data.h"
+#include "tests/support/shell_model.h"
 #include "tests/support/temp_dir.h"
 #include "vdb/value_steps.h"
 #include "vdb/vdb_file.h"
 
 using namespace nerfvdb;
+using test::shellModel;
 namespace fs = std::filesystem;
 
 namespace {
-
-float noise(std::uint64_t stream, std::uint64_t index) {  // [-1, 1)
-    return 2 * unitFloat(static_cast<std::uint32_t>(randomBits(7, stream, index))) - 1;
-}
-
-/// A shell of voxels with smooth densities and features plus noise, as training leaves them.
-Model shellModel(int n = 48, int channels = 8, float feature_scale = 1.0f) {
-    std::vector<Topology::LeafCells> cells;
-    for (int x = 0; x < n / 8; ++x)
-        for (int y = 0; y < n / 8; ++y)
-            for (int z = 0; z < n / 8; ++z) {
-                Topology::LeafCells entry{{x, y, z}, {}};
-                for (int offset = 0; offset < kLeafVoxels; ++offset) {
-                    const Vec3i ijk = Vec3i(x, y, z) * 8 + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
-                    const double radius = (ijk.cast<double>() - Vec3d::Constant(n / 2)).norm();
-                    if (std::abs(radius - n * 0.375) < 2 && ijk.maxCoeff() < n - 1) setBit(entry.cells, offset);
-                }
-                cells.push_back(entry);
-            }
-    Model model;
-    model.field = VoxelField(Topology(Vec3i::Constant(n), cells), {Vec3d(-1.2, 0.3, 1.0 / 3), 2.4 / n}, channels, 40.0);
-    const Topology& topology = model.field.topology();
-    for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf)
-        forEachBit(topology.voxels()[leaf], [&](int offset) {
-            const std::size_t voxel = leaf * kLeafVoxels + offset;
-            model.field.density()[voxel] = 2 + 3 * noise(0, voxel);
-            for (int k = 0; k < channels; ++k)
-                model.field.features()[voxel * channels + k] =
-                    feature_scale * (std::sin(0.3f * topology.leafCoords()[leaf][k % 3] + k) + 0.3f * noise(k + 1, voxel));
-        });
-    model.decoder = Decoder(channels, 5);
-    model.background = Vec3f(0.25f, 0.5f, 1.0f);
-    model.info = {"120,300,900", 0xfedcba9876543210ull, "fast", 31.25};
-    return model;
-}
 
 std::string messageOf(const fs::path& path) {
     try {
@@ -231,8 +197,7 @@ TEST_CASE("other programs see the density in world units") {
     std::size_t wrong = 0;
     for (std::size_t leaf = 0; leaf < model.field.topology().leafCount(); ++leaf)
         forEachBit(model.field.topology().voxels()[leaf], [&](int offset) {
-            const Vec3i ijk =
-                model.field.topology().leafCoords()[leaf] * 8 + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
+            const Vec3i ijk = test::voxelOf(model.field.topology(), leaf, offset);
             const openvdb::Coord at(ijk.x(), ijk.y(), ijk.z());
             const float sigma = sigmaFromRaw(model.field.density()[leaf * kLeafVoxels + offset], 40.0);
             // half keeps 11 bits, and raw density is rounded to 2^-10 before
@@ -247,13 +212,8 @@ TEST_CASE("other programs see the density in world units") {
 TEST_CASE("densities that half cannot say are stored as float") {
     const TempDir folder;
     for (const double voxel_size : {2e-5, 1e4}) {  // sigma of 50,000 and more overflows half; far below 1e-3 it loses its bits
-        const Model from = shellModel();
         Model model;
-        std::vector<Topology::LeafCells> cells;
-        for (std::size_t i = 0; i < from.field.topology().leafCount(); ++i)
-            cells.push_back({from.field.topology().leafCoords()[i], from.field.topology().cells()[i]});
-        model.field = VoxelField(Topology(from.field.topology().dims(), cells), {Vec3d::Zero(), voxel_size}, 8,
-                                 2.0 / voxel_size);
+        model.field = VoxelField(test::shellTopology(24), {Vec3d::Zero(), voxel_size}, 8, 2.0 / voxel_size);
         for (float& raw : model.field.density()) raw = 0.0f;
         model.decoder = Decoder(8, 1);
         saveModel(model, folder / "a.vdb");

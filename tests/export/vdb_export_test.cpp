@@ -1,0 +1,201 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "export/vdb_export.h"
+
+#include <openvdb/openvdb.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <fstream>
+#include <iostream>
+
+#include "core/atomic_file.h"
+#include "core/error.h"
+#include "core/image.h"
+#include "core/parallel.h"
+#include "tests/support/catch.h"
+#include "tests/support/data.h"
+#include "tests/support/shell_model.h"
+#include "tests/support/temp_dir.h"
+#include "vdb/model_file.h"
+
+using namespace nerfvdb;
+using test::shellModel;
+namespace fs = std::filesystem;
+
+namespace {
+
+openvdb::GridPtrVec readGrids(const fs::path& path) {
+    openvdb::initialize();
+    openvdb::io::File file(path.string());
+    file.open(false);
+    return *file.getGrids();
+}
+
+/// The grid of a name and type; never null.
+template <typename Grid>
+typename Grid::Ptr gridNamed(const fs::path& path, const std::string& name) {
+    for (const openvdb::GridBase::Ptr& grid : readGrids(path))
+        if (auto found = openvdb::gridPtrCast<Grid>(grid); found && grid->getName() == name) return found;
+    throw std::runtime_error("no grid " + name);
+}
+
+/// Shell densities from almost nothing to opaque.
+Model fadingModel() {
+    Model model = shellModel(32);
+    for (float& raw : model.field.density()) raw = 2 * raw - 6;  // of [-1, 5]: sigma from 0.013 to 2200
+    return model;
+}
+
+bool imports(const std::string& python) {
+    return std::system(("/usr/bin/python3 -c 'import " + python + "' > /dev/null 2>&1").c_str()) == 0;
+}
+
+}  // namespace
+
+using Catch::Matchers::Contains;
+
+TEST_CASE("an exported volume holds density per world unit and linear colour") {
+    const TempDir folder;
+    const Model model = fadingModel();
+    ExportVdbOptions options;
+    options.half = false;
+    options.min_alpha = 0.01;
+    const ExportVdbReport report = exportVdb(model, folder / "volume.vdb", options);
+    CHECK(readGrids(folder / "volume.vdb").size() == 2);
+    const auto density = gridNamed<openvdb::FloatGrid>(folder / "volume.vdb", "density");
+    const auto color = gridNamed<openvdb::Vec3SGrid>(folder / "volume.vdb", "color");
+    CHECK(density->getGridClass() == openvdb::GRID_FOG_VOLUME);
+    CHECK(density->background() == 0.0f);
+    CHECK(color->background() == openvdb::Vec3s(0.0f));
+    CHECK(density->transform() == color->transform());
+    CHECK_FALSE(density->saveFloatAsHalf());
+
+    // Voxel by voxel: all that is visible and nothing else, exactly.
+    const VoxelField& field = model.field;
+    const auto sigma_at = density->getConstAccessor();
+    const auto color_at = color->getConstAccessor();
+    std::size_t visible = 0, wrong_density = 0, wrong_color = 0, without_color = 0;
+    for (std::size_t leaf = 0; leaf < field.topology().leafCount(); ++leaf)
+        forEachBit(field.topology().voxels()[leaf], [&](int offset) {
+            const std::size_t voxel = leaf * kLeafVoxels + offset;
+            const Vec3i ijk = test::voxelOf(field.topology(), leaf, offset);
+            const openvdb::Coord at(ijk.x(), ijk.y(), ijk.z());
+            const float sigma = sigmaFromRaw(field.density()[voxel], field.densityScale());
+            const bool is_visible = 1 - std::exp(-static_cast<double>(sigma) * field.frame().voxel_size) >= 0.01;
+            visible += is_visible;
+            wrong_density += sigma_at.isValueOn(at) != is_visible || sigma_at.getValue(at) != (is_visible ? sigma : 0);
+            without_color += is_visible && !color_at.isValueOn(at);
+            if (!color_at.isValueOn(at)) return;
+            float srgb[3];
+            model.decoder.diffuse(1, &field.features()[voxel * 8], srgb);
+            for (int c = 0; c < 3; ++c)
+                // batches of another size may round differently in the last bits
+                wrong_color += std::abs(color_at.getValue(at)[c] - linearFromSrgb(srgb[c])) > 1e-5f;
+        });
+    CHECK(visible > 1000);
+    CHECK(wrong_density == 0);
+    CHECK(wrong_color == 0);
+    CHECK(without_color == 0);
+    CHECK(density->activeVoxelCount() == visible);
+    CHECK(color->activeVoxelCount() > visible);  // one voxel beyond
+
+    CHECK(report.active_voxels == visible);
+    CHECK(report.left_out == field.topology().voxelCount() - visible);
+    CHECK(report.left_out > 100);
+    CHECK(report.lost_opacity > 0.005);
+    CHECK(report.lost_opacity < 1 - std::pow(0.99, 32));  // a line of 32 voxels at the threshold
+    CHECK(report.bytes == fs::file_size(folder / "volume.vdb"));
+    CHECK(report.lost.size() == 3);
+    const openvdb::CoordBBox box = density->evalActiveVoxelBoundingBox();
+    for (int axis = 0; axis < 3; ++axis) {
+        CHECK(report.bounds.min[axis] == Approx(density->indexToWorld(box.min())[axis]));
+        CHECK(report.bounds.max[axis] == Approx(density->indexToWorld(box.max())[axis]));
+    }
+}
+
+TEST_CASE("half precision and no colour make smaller files") {
+    const TempDir folder;
+    const Model model = fadingModel();
+    ExportVdbOptions options;
+    const ExportVdbReport small = exportVdb(model, folder / "half.vdb", options);
+    options.half = false;
+    const ExportVdbReport full = exportVdb(model, folder / "full.vdb", options);
+    options.color = ExportVdbOptions::Color::none;
+    const ExportVdbReport grey = exportVdb(model, folder / "grey.vdb", options);
+    CHECK(small.half);
+    CHECK_FALSE(full.half);
+    CHECK(small.bytes < 0.7 * full.bytes);
+    CHECK(grey.bytes < 0.5 * full.bytes);
+    CHECK(readGrids(folder / "grey.vdb").size() == 1);
+
+    const auto rounded = gridNamed<openvdb::FloatGrid>(folder / "half.vdb", "density");
+    const auto exact = gridNamed<openvdb::FloatGrid>(folder / "full.vdb", "density");
+    CHECK(rounded->saveFloatAsHalf());
+    for (auto value = exact->cbeginValueOn(); value; ++value)
+        REQUIRE(rounded->tree().getValue(value.getCoord()) == Approx(*value).epsilon(0x1p-11));
+}
+
+TEST_CASE("exports repeat byte for byte, for any number of threads") {
+    const TempDir folder;
+    const Model model = fadingModel();
+    exportVdb(model, folder / "a.vdb");
+    exportVdb(model, folder / "b.vdb");
+    const ThreadLimit one(1);
+    exportVdb(model, folder / "c.vdb");
+    const bool same = readFile(folder / "a.vdb") == readFile(folder / "b.vdb") &&
+                      readFile(folder / "a.vdb") == readFile(folder / "c.vdb");
+    CHECK(same);
+}
+
+TEST_CASE("a model with nothing visible exports empty grids, and says so") {
+    const TempDir folder;
+    Model model = shellModel(24);
+    for (float& raw : model.field.density()) raw = kEmptyRaw;
+    const ExportVdbReport report = exportVdb(model, folder / "a.vdb");
+    CHECK(report.active_voxels == 0);
+    CHECK(report.left_out == model.field.topology().voxelCount());
+    CHECK(report.bounds.size() == Vec3d::Zero());
+    CHECK(readGrids(folder / "a.vdb").size() == 2);
+}
+
+TEST_CASE("exports that cannot be are refused") {
+    const TempDir folder;
+    const Model model = shellModel(24);
+    for (const double bad : {-0.1, 1.0, static_cast<double>(NAN)}) {
+        ExportVdbOptions options;
+        options.min_alpha = bad;
+        CHECK_THROWS_AS(exportVdb(model, folder / "a.vdb", options), UsageError);
+    }
+    CHECK_THROWS_AS(exportVdb(model, folder.path()), IoError);
+    CHECK_THROWS_AS(exportVdb(model, folder / "absent" / "a.vdb"), IoError);
+    CHECK(fs::is_empty(folder.path()));
+    exportVdb(model, folder / "a.vdb");
+    CHECK_THROWS_WITH(loadModel(folder / "a.vdb"), Contains("exported volume"));
+}
+
+TEST_CASE("vdb_print opens an exported volume") {
+    NERFVDB_NEEDS("/usr/bin/vdb_print");
+    const TempDir folder;
+    exportVdb(fadingModel(), folder / "volume.vdb");
+    const std::string out = (folder / "out.txt").string();
+    CHECK(std::system(("/usr/bin/vdb_print -l -m " + (folder / "volume.vdb").string() + " > " + out + " 2>&1").c_str()) == 0);
+    CHECK_THAT(readFile(out), Contains("density") && Contains("color") && Contains("vec3s") && Contains("fog volume"));
+}
+
+TEST_CASE("OpenVDB's Python module opens an exported volume") {
+    if (!imports("pyopenvdb")) {
+        std::cout << "skipped: no pyopenvdb here" << std::endl;
+        ++testing::skippedTests();
+        return;
+    }
+    const TempDir folder;
+    const ExportVdbReport report = exportVdb(fadingModel(), folder / "volume.vdb");
+    std::ofstream(folder / "check.py")
+        << "import pyopenvdb as vdb\ngrids, facts = vdb.readAll('" << (folder / "volume.vdb").string() << "')\n"
+        << "named = {g.name: g for g in grids}\n"
+        << "assert sorted(named) == ['color', 'density'], named\n"
+        << "assert named['density'].activeVoxelCount() == " << report.active_voxels << "\n"
+        << "assert named['density'].gridClass == 'fog volume' and named['density'].saveFloatAsHalf\n"
+        << "assert facts['color_space'] == 'linear Rec. 709', facts\n";
+    CHECK(std::system(("/usr/bin/python3 " + (folder / "check.py").string()).c_str()) == 0);
+}
