@@ -63,7 +63,8 @@ openvdb::FloatGrid::Ptr densityGrid(const VoxelField& field, std::span<const Lea
         if (kept[i] == LeafMask{}) return;
         leaves[i] = new FloatLeaf(leafOrigin(field.topology().leafCoords()[i]), 0.0f);
         forEachBit(kept[i], [&](int offset) {
-            const float sigma = sigmaFromRaw(field.density()[i * kLeafVoxels + offset], field.densityScale());
+            const float sigma = volumeSigma(field.density()[i * kLeafVoxels + offset], field.densityScale(),
+                                            field.frame().voxel_size);
             leaves[i]->setValueOn(offset, sigma);
             largest[i] = std::max(largest[i], sigma);
         });

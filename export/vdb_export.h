@@ -33,7 +33,7 @@ struct ExportVdbReport {
 };
 
 /// Writes a .vdb of standard grids, fit for any program:
-///   "density"  FloatGrid, fog volume, 1 / world unit
+///   "density"  FloatGrid, fog volume, 1 / world unit; capped where one voxel is opaque (volumeSigma)
 ///   "color"    Vec3SGrid, linear RGB (Rec. 709 primaries), the mean over all directions; also one voxel beyond the
 ///              density where the model has values, so that interpolation does not darken the border
 /// The background of both is zero; their transform maps integer index coordinates to world positions.

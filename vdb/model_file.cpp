@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Layout of model.vdb, version 1.
 //
-// One grid, for everyone: "density", float, fog volume, 1 / world unit, active exactly where the field has voxels.
+// One grid, for everyone: "density", float, fog volume, 1 / world unit, active exactly where the field has voxels
+// (capped where a voxel is opaque; the model's own densities are among the learned values).
 // Everything else is metadata of the file. Facts that people may want to read are plain numbers and strings:
 //   nerfvdb_format          int32    1
 //   nerfvdb_dims            vec3i    voxels per axis
@@ -46,7 +47,7 @@ static_assert(std::endian::native == std::endian::little, "weights are written a
 
 // ---- Saving ----
 
-/// Sigma of every active voxel, as it will be after loading. Half precision where that suffices, else float.
+/// Sigma of every active voxel, as it will be after loading, capped where opaque. Half precision where that suffices, else float.
 openvdb::FloatGrid::Ptr densityGrid(const VoxelField& field, int step_exponent) {
     using Leaf = openvdb::FloatTree::LeafNodeType;
     const Topology& topology = field.topology();
@@ -56,8 +57,8 @@ openvdb::FloatGrid::Ptr densityGrid(const VoxelField& field, int step_exponent) 
         leaves[i] = new Leaf(leafOrigin(topology.leafCoords()[i]), 0.0f);
         forEachBit(topology.voxels()[i], [&](int offset) {
             const float raw = keptValue(field, i * kLeafVoxels + offset, 0);
-            const float sigma =
-                sigmaFromRaw(valueOf(codeOf(raw, step_exponent), step_exponent), field.densityScale());
+            const float sigma = volumeSigma(valueOf(codeOf(raw, step_exponent), step_exponent),
+                                            field.densityScale(), field.frame().voxel_size);
             leaves[i]->setValueOn(offset, sigma);
             largest[i] = std::max(largest[i], sigma);
         });

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vdb/vdb_file.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
@@ -57,6 +58,11 @@ openvdb::math::Transform::Ptr gridTransform(const GridFrame& frame) {
     auto transform = openvdb::math::Transform::createLinearTransform(frame.voxel_size);
     transform->postTranslate(openvdb::Vec3d(frame.origin.data()));
     return transform;
+}
+
+float volumeSigma(float raw, double density_scale, double voxel_size) {
+    constexpr double kOpaqueDepth = 16;
+    return std::min(sigmaFromRaw(raw, density_scale), static_cast<float>(kOpaqueDepth / voxel_size));
 }
 
 bool halfSuffices(float largest_sigma, double voxel_size) {

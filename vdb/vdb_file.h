@@ -19,6 +19,11 @@ namespace nerfvdb {
 /// Throws DataError for voxels so small that OpenVDB takes their size for zero.
 openvdb::math::Transform::Ptr gridTransform(const GridFrame& frame);
 
+/// Density as plain volumes get it: sigma in 1 / world unit, but no denser than what makes one voxel opaque
+/// (optical depth 16 over its edge, alpha = 1 - 1e-7). Training drives solid matter to the clamp at exp(15); other
+/// programs interpolate sigma itself, and such walls would grow outward by a voxel in them (and overflow half).
+float volumeSigma(float raw, double density_scale, double voxel_size);
+
 /// True if half precision says every density that can be seen: `largest_sigma` does not overflow (65504), and
 /// what falls below half's normal range (6e-5) is invisible across a voxel. Else the world unit is unusual.
 bool halfSuffices(float largest_sigma, double voxel_size);
