@@ -27,9 +27,9 @@ void RaySource::update(const VoxelField& field, const Occupancy& occupancy) {
     }
     const double radius = 0.5 * std::sqrt(3.0) * kLeafDim * field.frame().voxel_size;
 
-    std::vector<std::vector<Tile>> found(dataset_.views.size());
+    std::vector<std::vector<Tile>> found(dataset_->views.size());
     parallelFor(found.size(), [&](std::size_t v) {
-        const Camera& camera = dataset_.views[v].camera;
+        const Camera& camera = dataset_->views[v].camera;
         const int tiles_x = tilesAlong(camera.width), tiles_y = tilesAlong(camera.height);
         std::vector<std::uint8_t> is_live(static_cast<std::size_t>(tiles_x) * tiles_y, 0);
         bool all = false;
@@ -63,7 +63,7 @@ void RaySource::update(const VoxelField& field, const Occupancy& occupancy) {
 TrainingRay RaySource::draw(std::uint64_t step, std::uint64_t index) const {
     const std::uint64_t bits = randomBits(seed_, step, index);
     const Tile& tile = tiles_[(bits >> 32) * tiles_.size() >> 32];
-    const View& view = dataset_.views[tile.view];
+    const View& view = dataset_->views[tile.view];
     const int x0 = tile.x * kTilePixels, y0 = tile.y * kTilePixels;
     const int width = std::min(kTilePixels, view.camera.width - x0);
     const int height = std::min(kTilePixels, view.camera.height - y0);

@@ -23,7 +23,7 @@ struct TrainingRay {
 /// Draws rays as a pure function of (seed, step, index). Keeps a reference to the data set.
 class RaySource {
 public:
-    RaySource(const Dataset& dataset, std::uint64_t seed) : dataset_(dataset), seed_(seed) {}
+    RaySource(const Dataset& dataset, std::uint64_t seed) : dataset_(&dataset), seed_(seed) {}
 
     /// Finds the pixel tiles that occupied leaves project to; all others can only show the background.
     void update(const VoxelField& field, const Occupancy& occupancy);
@@ -36,7 +36,7 @@ private:
     struct Tile {
         std::uint16_t view, x, y;  // in tiles
     };
-    const Dataset& dataset_;
+    const Dataset* dataset_;
     std::uint64_t seed_;
     std::vector<Tile> tiles_;
 };

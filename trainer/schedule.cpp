@@ -45,6 +45,35 @@ void planSteps(std::vector<Stage>& stages, std::int64_t total) {
     }
 }
 
+int levelsForRays(double rays, int max_levels) {
+    constexpr double kNeeded[kMaxLevels] = {0, 2e4, 4e5, 15e6};
+    int levels = 1;
+    while (levels < max_levels && rays >= kNeeded[levels]) ++levels;
+    return levels;
+}
+
+std::vector<Stage> stagesForSteps(std::int64_t total, int max_levels) {
+    for (int levels = max_levels;; --levels) {
+        std::vector<Stage> stages = defaultStages(levels);
+        planSteps(stages, total);
+        double rays = 0;
+        for (const Stage& stage : stages) rays += static_cast<double>(stage.steps) * stage.batch;
+        if (levelsForRays(rays, levels) == levels) return stages;
+    }
+}
+
+void planTime(std::vector<Stage>& stages, std::size_t first, std::int64_t done, double step_seconds,
+              double seconds) {
+    const auto cost = [](const Stage& stage) { return stage.batch * relativeRayCost(stage.level); };
+    double shares = 0;
+    for (std::size_t s = first; s < stages.size(); ++s) shares += stages[s].share;
+    for (std::size_t s = first; s < stages.size(); ++s) {
+        const double stage_step_seconds = step_seconds * cost(stages[s]) / cost(stages[first]);
+        const double steps = std::max(0.0, seconds) * stages[s].share / shares / stage_step_seconds;
+        stages[s].steps = std::max<std::int64_t>(1, std::llround(steps)) + (s == first ? done : 0);
+    }
+}
+
 std::string scheduleText(const std::vector<Stage>& stages) {
     std::string text;
     for (const Stage& stage : stages) {

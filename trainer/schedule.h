@@ -24,9 +24,20 @@ inline constexpr int kMaxLevels = 4;            // 64 to 512
 /// planned from the cost of its first).
 std::vector<Stage> defaultStages(int n_levels);
 
+/// How many levels to use: no more than `max_levels`, and fewer when so few rays will be drawn (per training run)
+/// that fine voxels would hardly be looked at. Measured: 512 voxels pay from about 15 million rays on.
+int levelsForRays(double rays, int max_levels);
+
+/// Stages for a total of `total` steps; the number of levels follows from levelsForRays.
+std::vector<Stage> stagesForSteps(std::int64_t total, int max_levels);
+
 /// Fills in steps so that they sum to `total`, in proportion share / (cost of a step), with the relative cost per
 /// ray of a typical scene.
 void planSteps(std::vector<Stage>& stages, std::int64_t total);
+
+/// Fills in the steps of stages `first` and later so that they take `seconds`, in proportion to their shares, when a
+/// step of stage `first` takes `step_seconds`; at least one step each. `done` steps of it are over already.
+void planTime(std::vector<Stage>& stages, std::size_t first, std::int64_t done, double step_seconds, double seconds);
 
 /// Relative cost of a ray at a level, 1 at level 0; measured on several scenes.
 double relativeRayCost(int level);

@@ -8,22 +8,28 @@
 
 #include "core/error.h"
 #include "core/metrics.h"
-#include "trainer/ray_source.h"
+#include "trainer/checkpoint.h"
 #include "trainer/scene_box.h"
-#include "trainer/schedule.h"
-#include "trainer/train_step.h"
 #include "vdb/adapt.h"
 
 namespace nerfvdb {
 namespace {
 
 constexpr int kChannels = 16;
-constexpr double kFinalRate = 0.1;        // learning rates fall to this share, exponentially
-constexpr int kWarmUpSteps = 20;          // rates rise linearly at the very start
-constexpr float kMinAlpha = 0.01f;        // cells that stop less over a voxel are not looked at
-constexpr double kUnitsPerBox = 260;      // density is learned per 1/260 of the box's longest side
-constexpr float kInitialRaw = -4.19f;     // alpha 0.03 over two such units
+constexpr double kFinalRate = 0.1;          // learning rates fall to this share of themselves, exponentially
+constexpr int kWarmUpSteps = 20;            // rates rise linearly at the very start
+constexpr float kMinAlpha = 0.01f;          // cells that stop less light over a voxel are not looked at
+constexpr double kUnitsPerBox = 260;        // density is learned per 1/260 of the box's longest side ...
+constexpr float kInitialRaw = -4.19f;       // ... and starts at alpha 0.03 over two such units
+constexpr double kErrorMemory = 0.99;       // of the running mean of the error, per step
+constexpr double kVoxelPerPixel = 0.6;      // voxels smaller than this share of a pixel's width show nothing new
+constexpr double kTellSeconds = 2;          // between progress reports
+constexpr double kCheckpointSeconds = 60;
+constexpr std::int64_t kFirstOccupancy = 32, kLastOccupancy = 512;  // steps between updates, growing inside a stage
+constexpr std::int64_t kProbeSteps = 40;    // of a stage, before its cost is believed
+constexpr double kSaveSeconds = 0.3, kSaveSecondsPerVoxel = 1.0e-6;  // pruning and writing the model
 
+/// Seconds since it was made.
 class Clock {
 public:
     double seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
@@ -32,44 +38,93 @@ private:
     std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
+/// Mean colour of all photos (sRGB values): what an opaque scene shows where nothing is known.
+Vec3f meanColour(const Dataset& dataset) {
+    constexpr std::size_t kStride = 101;  // a prime: no column of pixels is looked at again and again
+    Vec3d sum = Vec3d::Zero();
+    double n = 0;
+    for (const View& view : dataset.views)
+        for (std::size_t i = 0; i < view.photo.pixels.size(); i += kStride, ++n)
+            for (int c = 0; c < 3; ++c) sum[c] += view.photo.pixels[i][c] / 255.0;
+    return n > 0 ? Vec3f((sum / n).cast<float>()) : Vec3f::Zero();
+}
+
+/// Number of levels after which a voxel is smaller than what a pixel shows at the middle of the box.
+int usefulLevels(const Dataset& dataset, const Box& box, double coarsest_voxel) {
+    std::vector<double> pixel_sizes;
+    for (const View& view : dataset.views)
+        pixel_sizes.push_back((view.camera.position - box.center()).norm() / view.camera.fx);
+    std::nth_element(pixel_sizes.begin(), pixel_sizes.begin() + pixel_sizes.size() / 2, pixel_sizes.end());
+    const double smallest = kVoxelPerPixel * pixel_sizes[pixel_sizes.size() / 2];
+    int levels = 1;
+    while (levels < kMaxLevels && coarsest_voxel / (1 << levels) >= smallest) ++levels;
+    return levels;
+}
+
+/// Steps of a preset: about one, five and thirty minutes on two cores for a scene like a small object.
+std::int64_t presetSteps(Preset preset) {
+    switch (preset) {
+        case Preset::fast: return 4500;
+        case Preset::standard: return 18000;
+        case Preset::best: return 110000;
+    }
+    return 0;
+}
+
 /// Training from start to finish; each function is one move of the story.
 class Training {
 public:
     Training(const Dataset& dataset, const TrainOptions& options, Report& report,
-             const std::function<void(const TrainProgress&)>& on_interval)
-        : dataset_(dataset), options_(options), report_(report), on_interval_(on_interval),
+             const std::function<void(const TrainProgress&)>& on_interval, const std::filesystem::path& checkpoint)
+        : dataset_(dataset), options_(options), report_(report), on_interval_(on_interval), checkpoint_(checkpoint),
           source_(dataset, options.seed) {}
 
     void start();
-    bool runStage(std::size_t stage);  // false: the user asked to stop
-    void refine();
-    TrainResult finish(bool interrupted);
-    std::vector<Stage>& stages() { return stages_; }
+    void resume();
+    TrainResult run();
 
 private:
-    StepRates ratesAt(double progress) const;
+    void chooseBackground();
+    void planFromOptions();
+    void replanForTime();
+    bool runStage();  // false: the user asked to stop
+    void stepOnce();
+    void enterStage();
+    void refine();
     void updateOccupancy();
+    StepRates rates() const;
     void tell(bool force);
+    void save();
+    TrainResult finish(bool interrupted);
+    Stage& stage() { return place_.stages[place_.stage]; }
+    std::int64_t totalSteps() const;
 
     const Dataset& dataset_;
     const TrainOptions& options_;
     Report& report_;
     const std::function<void(const TrainProgress&)>& on_interval_;
-    Clock clock_;
+    const std::filesystem::path& checkpoint_;
+
     RaySource source_;
     TrainState state_;
+    TrainPlace place_;
     TrainStepper stepper_;
-    std::vector<Stage> stages_;
-    std::size_t stage_ = 0;
-    std::int64_t step_ = 0;
     TraceOptions trace_;
+    int max_levels_ = kMaxLevels;
+    bool plans_time_ = false;
+    std::vector<std::string> notes_;
 
-    // of the current interval
-    double interval_error_ = 0, last_told_ = 0, psnr_ = 0;
-    std::uint64_t interval_rays_ = 0, rays_ = 0;
+    // Of the clock; nothing that is learned depends on these.
+    Clock clock_;
+    double step_seconds_ = 0;  // running mean on the current level; 0: unknown
+    double last_told_ = 0, last_saved_ = 0;
+    double interval_error_ = 0;
+    std::uint64_t interval_rays_ = 0;
 };
 
 void Training::start() {
+    if (dataset_.views.empty())
+        throw DataError(dataset_.root.string(), "no views to train on", "at least one posed photograph");
     const Box box = findSceneBox(dataset_, options_.bounds);
     const BoxGrid grid = gridOver(box, kCoarsestResolution);
     Topology topology(grid.dims, possibleCells(dataset_, grid, std::min<std::size_t>(2, dataset_.views.size())));
@@ -79,93 +134,195 @@ void Training::start() {
 
     state_.decoder = Decoder(kChannels, options_.seed);
     state_.field = VoxelField(std::move(topology), grid.frame, kChannels, kUnitsPerBox / box.size().maxCoeff());
-    for (std::size_t leaf = 0; leaf < state_.field.topology().leafCount(); ++leaf)
+    const Topology& cells = state_.field.topology();
+    for (std::size_t leaf = 0; leaf < cells.leafCount(); ++leaf)
         for (int offset = 0; offset < kLeafVoxels; ++offset)
-            if (testBit(state_.field.topology().voxels()[leaf], offset))
-                state_.field.density()[leaf * kLeafVoxels + offset] = kInitialRaw;
+            if (testBit(cells.voxels()[leaf], offset)) state_.field.density()[leaf * kLeafVoxels + offset] = kInitialRaw;
     state_.density_moment = HugeArray<float>(state_.field.density().size());
     state_.feature_moment = HugeArray<float>(state_.field.density().size());
-    state_.seen.assign(state_.field.topology().leafCount(), {});
+    state_.seen.assign(cells.leafCount(), {});
+    place_.seed = options_.seed;
+    place_.n_views = static_cast<int>(dataset_.views.size());
+    place_.next_occupancy = kFirstOccupancy;
+    chooseBackground();
+    max_levels_ = usefulLevels(dataset_, box, grid.frame.voxel_size);
+    planFromOptions();
     updateOccupancy();
+}
 
-    const std::int64_t total = options_.steps.empty() ? 4000 : options_.steps.front();
-    stages_ = defaultStages(3);
-    planSteps(stages_, total);
-    report_.begin("training", total);
+void Training::resume() {
+    loadCheckpoint(checkpoint_, state_, place_);
+    if (place_.n_views != static_cast<int>(dataset_.views.size()))
+        throw DataError(checkpoint_.string(), "training on " + std::to_string(place_.n_views) + " views",
+                        std::to_string(dataset_.views.size()) + " as in the data set",
+                        "resume with the data that it was made from");
+    source_ = RaySource(dataset_, place_.seed);
+    source_.update(state_.field, state_.occupancy);
+    report_.info("resuming at step " + std::to_string(place_.step) + " of " + std::to_string(totalSteps()));
+}
+
+void Training::chooseBackground() {
+    switch (options_.background) {
+        case BackgroundMode::white: state_.background = Vec3f::Ones(); break;
+        case BackgroundMode::black: state_.background = Vec3f::Zero(); break;
+        case BackgroundMode::automatic:
+            state_.background = dataset_.has_alpha ? Vec3f(Vec3f::Ones()) : meanColour(dataset_);
+            break;
+        case BackgroundMode::random:
+            if (!dataset_.has_alpha)
+                throw UsageError("--background random", "photographs without alpha", "alpha masks",
+                                 "use --background auto, white or black");
+            state_.background = Vec3f::Ones();
+            state_.random_background = true;
+            break;
+    }
+}
+
+void Training::planFromOptions() {
+    const std::vector<std::int64_t>& steps = options_.steps;
+    for (const std::int64_t n : steps)
+        if (n < 1) throw UsageError("--steps", std::to_string(n), "at least one step in each stage");
+    if (steps.size() > 1) {
+        if (steps.size() > kMaxLevels + 1)
+            throw UsageError("--steps", std::to_string(steps.size()) + " stages",
+                             "2 to " + std::to_string(kMaxLevels + 1), "give one number for a default plan");
+        place_.stages = defaultStages(static_cast<int>(steps.size()) - 1);
+        for (std::size_t s = 0; s < steps.size(); ++s) place_.stages[s].steps = steps[s];
+    } else if (steps.size() == 1 || !options_.time_s) {
+        place_.stages =
+            stagesForSteps(steps.empty() ? presetSteps(options_.preset) : steps.front(), max_levels_);
+    } else {
+        // Until its cost is known: enough for the first stage to be measured in.
+        place_.stages = stagesForSteps(presetSteps(options_.preset), max_levels_);
+        plans_time_ = true;
+    }
+    if (!plans_time_) report_.info("plan: " + scheduleText(place_.stages) + " steps");
+}
+
+void Training::replanForTime() {
+    const double voxels = static_cast<double>(state_.field.topology().voxelCount());
+    const double reserve = kSaveSeconds + kSaveSecondsPerVoxel * voxels;
+    const double left = *options_.time_s - options_.elapsed_s - clock_.seconds() - reserve;
+    if (place_.stage == 0) {
+        const double ray_seconds = step_seconds_ / stage().batch;
+        const double rays = left / (ray_seconds * relativeRayCost(2));
+        const std::int64_t done = stage().steps;
+        place_.stages = defaultStages(levelsForRays(rays, max_levels_));
+        stage().steps = done;
+    }
+    planTime(place_.stages, place_.stage, place_.step_in_stage, step_seconds_, left);
+    report_.begin("training", totalSteps());
+    report_.info("plan: " + scheduleText(place_.stages) + " steps");
+}
+
+std::int64_t Training::totalSteps() const {
+    std::int64_t total = 0;
+    for (const Stage& stage : place_.stages) total += stage.steps;
+    return total;
 }
 
 void Training::updateOccupancy() {
     state_.occupancy = findOccupied(state_.field, kMinAlpha);
     source_.update(state_.field, state_.occupancy);
     if (source_.tileCount() == 0)
-        throw NumericError("training: no occupied voxel is left in any view; everything became transparent");
+        throw NumericError(
+            "training: nothing is left in any view, every voxel became transparent; are the images empty, or the "
+            "poses wrong?");
 }
 
-StepRates Training::ratesAt(double progress) const {
+StepRates Training::rates() const {
     StepRates rates;
-    const float warm_up = std::min(1.0f, static_cast<float>(step_ + 1) / kWarmUpSteps);
-    const float factor = warm_up * static_cast<float>(std::pow(kFinalRate, progress));
+    const double progress = progressAt(place_.stages, place_.stage, place_.step_in_stage);
+    const double warm_up = std::min(1.0, static_cast<double>(place_.step + 1) / kWarmUpSteps);
+    const float factor = static_cast<float>(warm_up * std::pow(kFinalRate, progress));
     rates.density *= factor;
     rates.features *= factor;
     rates.network *= factor;
     return rates;
 }
 
-bool Training::runStage(std::size_t stage) {
-    stage_ = stage;
-    std::int64_t next_update = 32, half = stages_[stage].steps / 2;
-    for (std::int64_t i = 0; i < stages_[stage].steps; ++i, ++step_) {
-        if (report_.cancelled()) return false;
-        if (i == next_update) {
-            updateOccupancy();
-            next_update += std::clamp<std::int64_t>(i / 2, 32, 512);
+TrainResult Training::run() {
+    report_.begin("training", totalSteps());
+    for (;;) {
+        if (!runStage()) {
+            save();
+            return finish(/*interrupted=*/true);
         }
-        if (i == half) std::fill(state_.seen.begin(), state_.seen.end(), LeafMask{});
-        const StepReport result = stepper_.step(state_, source_, static_cast<std::uint64_t>(step_), stages_[stage].batch,
-                                                ratesAt(progressAt(stages_, stage, i)), trace_);
-        if (!result.is_finite)
-            throw NumericError("training: a colour that is not finite at step " + std::to_string(step_) + ", image " +
-                               dataset_.views[result.bad_view].path.string() + ", pixel (" +
-                               std::to_string(result.bad_x) + ", " + std::to_string(result.bad_y) + ")");
-        interval_error_ += result.squared_error;
-        interval_rays_ += result.rays;
-        tell(false);
+        if (place_.stage + 1 == place_.stages.size()) break;
+        enterStage();
+    }
+    save();
+    return finish(/*interrupted=*/false);
+}
+
+void Training::enterStage() {
+    const int level = stage().level;
+    ++place_.stage;
+    place_.step_in_stage = 0;
+    place_.next_occupancy = kFirstOccupancy;
+    if (stage().level != level) refine();
+    else if (plans_time_ && step_seconds_ > 0) replanForTime();
+}
+
+bool Training::runStage() {
+    while (place_.step_in_stage < stage().steps) {
+        if (report_.cancelled()) return false;
+        if (place_.step_in_stage == place_.next_occupancy) {
+            updateOccupancy();
+            place_.next_occupancy += std::clamp(place_.step_in_stage / 2, kFirstOccupancy, kLastOccupancy);
+        }
+        stepOnce();
+        const bool is_new_level = place_.stage == 0 || place_.stages[place_.stage - 1].level != stage().level;
+        if (plans_time_ && is_new_level && place_.step_in_stage == std::min(kProbeSteps, stage().steps))
+            replanForTime();
+        tell(/*force=*/false);
+        if (clock_.seconds() - last_saved_ > kCheckpointSeconds) save();
     }
     return true;
 }
 
-void Training::tell(bool force) {
-    const double now = clock_.seconds();
-    if (!force && now - last_told_ < 2.0) return;
-    last_told_ = now;
-    if (interval_rays_ == 0) return;
-    const double mse = interval_error_ / (3.0 * static_cast<double>(interval_rays_));
-    psnr_ = psnrFromMse(mse);
-    rays_ += interval_rays_;
-    interval_error_ = 0;
-    interval_rays_ = 0;
-    TrainProgress progress;
-    progress.step = step_;
-    for (const Stage& stage : stages_) progress.total_steps += stage.steps;
-    progress.stage = static_cast<int>(stage_);
-    progress.loss = mse;
-    progress.psnr = psnr_;
-    progress.rays = rays_;
-    progress.voxels = state_.field.topology().voxelCount();
-    progress.seconds = now;
-    if (on_interval_) on_interval_(progress);
-    char note[64];
-    std::snprintf(note, sizeof note, "%.2f dB", psnr_);
-    report_.update(step_, note);
+void Training::stepOnce() {
+    const double begin = clock_.seconds();
+    const StepReport result = stepper_.step(state_, source_, static_cast<std::uint64_t>(place_.step), stage().batch,
+                                            rates(), trace_);
+    if (!result.is_finite)
+        throw NumericError("training: a colour that is not finite at step " + std::to_string(place_.step) +
+                           ", image " + dataset_.views[static_cast<std::size_t>(result.bad_view)].path.string() +
+                           ", pixel (" + std::to_string(result.bad_x) + ", " + std::to_string(result.bad_y) +
+                           "); the last checkpoint is good");
+    const double mean = result.squared_error / (3.0 * static_cast<double>(result.rays));
+    place_.mean_error = place_.step == 0 ? mean : kErrorMemory * place_.mean_error + (1 - kErrorMemory) * mean;
+    place_.rays += result.rays;
+    ++place_.step;
+    ++place_.step_in_stage;
+
+    interval_error_ += result.squared_error;
+    interval_rays_ += result.rays;
+    constexpr double kMemory = 0.98;  // the first step of a level, on cold memory, counts little
+    const double seconds = clock_.seconds() - begin;
+    step_seconds_ = step_seconds_ == 0 ? seconds : kMemory * step_seconds_ + (1 - kMemory) * seconds;
 }
 
 void Training::refine() {
     updateOccupancy();
-    std::vector<LeafMask> keep = state_.occupancy.cells;
+    std::vector<LeafMask> keep = dilateCells(state_.field.topology(), state_.seen);
     for (std::size_t leaf = 0; leaf < keep.size(); ++leaf)
-        for (int word = 0; word < kLeafWords; ++word) keep[leaf][word] &= state_.seen[leaf][word];
+        for (int word = 0; word < kLeafWords; ++word) keep[leaf][word] &= state_.occupancy.cells[leaf][word];
     const Topology coarse = state_.field.topology();
-    VoxelField fine = refineField(state_.field, subdivide(coarse, keep));
+    Topology fine_topology = subdivide(coarse, keep);
+
+    // Two values and two moments per voxel stand beside the features.
+    const std::size_t fine_bytes =
+        fine_topology.leafCount() * kLeafVoxels * (state_.field.channels() + 3) * sizeof(float);
+    if (options_.max_memory_bytes && fine_bytes > *options_.max_memory_bytes) {
+        notes_.push_back("stayed at voxels of " + std::to_string(state_.field.frame().voxel_size) +
+                         ": finer ones need " + std::to_string(fine_bytes >> 20) + " MiB, --max-memory allows " +
+                         std::to_string(*options_.max_memory_bytes >> 20));
+        report_.warn(notes_.back());
+        return;
+    }
+
+    VoxelField fine = refineField(state_.field, std::move(fine_topology));
     HugeArray<float> density_moment(fine.density().size()), feature_moment(fine.density().size());
     refineValues(coarse, fine.topology(), 1, state_.density_moment.span(), density_moment.span());
     refineValues(coarse, fine.topology(), 1, state_.feature_moment.span(), feature_moment.span());
@@ -173,35 +330,64 @@ void Training::refine() {
     state_.density_moment = std::move(density_moment);
     state_.feature_moment = std::move(feature_moment);
     state_.seen.assign(state_.field.topology().leafCount(), {});
+    step_seconds_ = 0;
     updateOccupancy();
 }
 
+void Training::tell(bool force) {
+    const double now = clock_.seconds();
+    if (interval_rays_ == 0 || (!force && now - last_told_ < kTellSeconds)) return;
+    last_told_ = now;
+    TrainProgress progress;
+    progress.step = place_.step;
+    progress.total_steps = totalSteps();
+    progress.stage = static_cast<int>(place_.stage);
+    progress.loss = interval_error_ / (3.0 * static_cast<double>(interval_rays_));
+    progress.psnr = psnrFromMse(progress.loss);
+    progress.rays = place_.rays;
+    progress.voxels = state_.field.topology().voxelCount();
+    progress.seconds = now + options_.elapsed_s;
+    interval_error_ = 0;
+    interval_rays_ = 0;
+    if (on_interval_) on_interval_(progress);
+    char note[64];
+    std::snprintf(note, sizeof note, "%.2f dB, %.2f M voxels", progress.psnr,
+                  static_cast<double>(progress.voxels) * 1e-6);
+    report_.update(place_.step, note);
+}
+
+void Training::save() {
+    last_saved_ = clock_.seconds();
+    if (!checkpoint_.empty()) saveCheckpoint(checkpoint_, state_, place_);
+}
+
 TrainResult Training::finish(bool interrupted) {
-    tell(true);
+    tell(/*force=*/true);
     report_.end();
     TrainResult result;
     const Occupancy occupancy = findOccupied(state_.field, kMinAlpha);
     result.model.field = copyField(state_.field, prune(state_.field.topology(), occupancy.cells));
     result.model.decoder = state_.decoder;
     result.model.background = state_.background;
-    result.model.info = {scheduleText(stages_), options_.seed, "", psnr_};
-    result.steps = step_;
+    result.model.info.schedule = scheduleText(place_.stages);
+    result.model.info.seed = place_.seed;
+    result.model.info.train_psnr = psnrFromMse(place_.mean_error);
+    result.steps = place_.step;
     result.interrupted = interrupted;
     result.active_voxels = result.model.field.topology().voxelCount();
+    result.notes = notes_;
     return result;
 }
 
 }  // namespace
 
 TrainResult train(const Dataset& dataset, const TrainOptions& options, Report& report,
-                  const std::function<void(const TrainProgress&)>& on_interval, const std::filesystem::path&, bool) {
-    Training training(dataset, options, report, on_interval);
-    training.start();
-    for (std::size_t stage = 0; stage < training.stages().size(); ++stage) {
-        if (stage > 0 && training.stages()[stage].level != training.stages()[stage - 1].level) training.refine();
-        if (!training.runStage(stage)) return training.finish(/*interrupted=*/true);
-    }
-    return training.finish(/*interrupted=*/false);
+                  const std::function<void(const TrainProgress&)>& on_interval,
+                  const std::filesystem::path& checkpoint, bool resume) {
+    Training training(dataset, options, report, on_interval, checkpoint);
+    if (resume) training.resume();
+    else training.start();
+    return training.run();
 }
 
 }  // namespace nerfvdb

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// What training needs to go on exactly where it stopped: full precision, moments, plan and place in it.
+// A native binary file, one program version reads its own; the model for everyone else is vdb/model_file.h.
+#pragma once
+
+#include <filesystem>
+#include <vector>
+
+#include "trainer/schedule.h"
+#include "trainer/train_step.h"
+
+namespace nerfvdb {
+
+/// Where training stands.
+struct TrainPlace {
+    std::vector<Stage> stages;
+    std::size_t stage = 0;             // current
+    std::int64_t step = 0;             // done in all
+    std::int64_t step_in_stage = 0;    // done in the current stage
+    std::int64_t next_occupancy = 0;   // step of the stage at which occupancy is due
+    std::uint64_t rays = 0;            // drawn so far
+    double mean_error = 0;             // squared error, exponential mean over steps
+    std::uint64_t seed = 0;
+    int n_views = 0;                   // of the data set, to refuse another one
+};
+
+/// Layout: "nerfvdb-checkpoint 1\n", 32 hexadecimal digits (content hash of all that follows) and "\n", then the
+/// fields in the order of checkpoint.cpp, little-endian.
+void saveCheckpoint(const std::filesystem::path& path, const TrainState& state, const TrainPlace& place);
+
+/// Throws IoError / DataError: no such file, not a checkpoint, another version, damaged (the hash is verified first).
+void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainPlace& place);
+
+}  // namespace nerfvdb
