@@ -15,9 +15,6 @@ namespace {
 
 // Density: raw values in [-20, 15] in steps of 2^-10, that is an error of at most 0.05 % of sigma.
 constexpr int kDensityExponent = -10;
-// Features: what rounding may change of one voxel's colour, as a standard deviation in sRGB units; half a level
-// of 8 bits. A pixel averages some ten voxels, so this is about 6e-4 there, and moves 35 dB by 0.005 dB.
-constexpr double kColourError = 2e-3;
 constexpr int kFinestExponent = -16, kCoarsestExponent = -4;
 
 /// Exponent of the lowest bit that is set in a float's significand; value != 0.
@@ -26,6 +23,14 @@ int lowestBit(float value) {
     const int exponent = bits >> 23 & 0xff;
     const std::uint32_t significand = (bits & 0x7fffff) | (exponent ? 0x800000u : 0u);
     return std::max(exponent, 1) - 150 + std::countr_zero(significand);
+}
+
+/// Features: what rounding may change of one voxel's colour, as a standard deviation in sRGB units: a fifth of the
+/// error that the model has anyway. A pixel averages many voxels, which leaves about a twenty-fifth of that error,
+/// 0.01 dB. Without a known error, half a level of 8 bits.
+double allowedColourError(double train_psnr) {
+    if (!(train_psnr > 0)) return 2e-3;
+    return std::clamp(0.2 * std::pow(10.0, -train_psnr / 20), 5e-4, 8e-3);
 }
 
 struct ChannelStats {
@@ -129,11 +134,12 @@ StepExponents chooseSteps(const Model& model) {
             all.lowest_bit = std::min(all.lowest_bit, part.lowest_bit);
         });
 
-    // Independent errors of all channels add up to kColourError: step / sqrt(12) * slope * sqrt(channels).
+    // Independent errors of all channels add up: colour_error = step / sqrt(12) * slope * sqrt(channels).
+    const double colour_error = allowedColourError(model.info.train_psnr);
     const std::vector<double> slopes = colourSlopes(model);
     StepExponents steps(channels + 1, kDensityExponent);
     for (int k = 1; k <= channels; ++k) {
-        const double step = kColourError * std::sqrt(12.0 / channels) / std::max(slopes[k - 1], 1e-6);
+        const double step = colour_error * std::sqrt(12.0 / channels) / std::max(slopes[k - 1], 1e-6);
         const int wanted = std::clamp(static_cast<int>(std::floor(std::log2(step))), kFinestExponent,
                                       kCoarsestExponent);
         // Rounded values have slightly other slopes; the slack keeps them from being rounded again.

@@ -203,3 +203,23 @@ TEST_CASE("OpenVDB's Python module opens an exported volume") {
         << "assert facts['color_space'] == 'linear Rec. 709', facts\n";
     CHECK(std::system(("/usr/bin/python3 " + (folder / "check.py").string()).c_str()) == 0);
 }
+
+TEST_CASE("Blender opens models and exported volumes") {
+    if (std::system("command -v blender > /dev/null 2>&1") != 0) {
+        std::cout << "skipped: no blender here" << std::endl;
+        ++testing::skippedTests();
+        return;
+    }
+    const TempDir folder;
+    const Model model = fadingModel();
+    saveModel(model, folder / "model.vdb");
+    exportVdb(model, folder / "volume.vdb");
+    const std::string command =
+        "blender --background --factory-startup --python-exit-code 1 --python " NERFVDB_SOURCE_DIR
+        "/tests/export/open_in_blender.py -- " +
+        (folder / "model.vdb").string() + " density:FLOAT " + (folder / "volume.vdb").string() +
+        " color:VECTOR_FLOAT,density:FLOAT > " + (folder / "log.txt").string() + " 2>&1";
+    const int status = std::system(command.c_str());
+    INFO(readFile(folder / "log.txt"));
+    CHECK(status == 0);
+}
