@@ -175,7 +175,7 @@ test_story() {
     tiny_scene --no-truth
     tiny_model --json train.json --seed 3
     has_keys train.json train_seconds peak_memory_bytes active_voxels steps schedule train_psnr seed
-    [[ -s model.vdb ]] || fail "no model"
+    [[ -s model.vdb && -s model.ckpt ]] || fail "no model or no checkpoint"
     [[ "$(head -n 1 model.csv)" == "step,seconds,loss,psnr,rays,voxels" ]] || fail "model.csv has another head"
     [[ $(wc -l <model.csv) -ge 2 ]] || fail "model.csv is empty"
 
@@ -228,6 +228,7 @@ test_interrupt() {
     kill -INT $pid
     wait $pid || code=$?
     [[ $code -eq 130 ]] || fail "exit code $code after an interrupt, expected 130"
+    says err "--resume"
     expect 0 eval model.vdb data
 }
 
