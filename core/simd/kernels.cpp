@@ -541,5 +541,31 @@ void layerBackwardWeights(int n, int stride, int n_in, int n_out, const float* d
 }
 const char* activeTarget() { return HWY_DYNAMIC_DISPATCH(activeTarget)(); }
 
+namespace {
+
+/// Fixed before anything can be forced: Highway forgets the others then.
+const std::vector<std::int64_t>& allTargets() {
+    static const std::vector<std::int64_t> targets = hwy::SupportedAndGeneratedTargets();
+    return targets;
+}
+
+}  // namespace
+
+std::vector<std::string> supportedTargets() {
+    std::vector<std::string> names;
+    for (const std::int64_t target : allTargets()) names.emplace_back(hwy::TargetName(target));
+    return names;
+}
+
+bool forceTarget(const std::string& name) {
+    std::int64_t forced = 0;  // all
+    for (const std::int64_t target : allTargets())
+        if (name == hwy::TargetName(target)) forced = target;
+    if (forced == 0 && !name.empty()) return false;
+    hwy::SetSupportedTargetsForTest(forced);
+    hwy::GetChosenTarget().Update(hwy::SupportedTargets());
+    return true;
+}
+
 }  // namespace nerfvdb::simd
 #endif  // HWY_ONCE

@@ -10,6 +10,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <string>
+#include <vector>
 
 namespace nerfvdb {
 
@@ -72,6 +74,11 @@ namespace simd {
 #include "core/simd/kernel_declarations.inl"
 /// Name of the instruction set in use, such as "AVX3".
 const char* activeTarget();
+/// Names of the instruction sets that this program holds and this machine runs, the best first.
+std::vector<std::string> supportedTargets();
+/// Runs every kernel on one of supportedTargets(), on the best again for an empty name. False, and nothing changes,
+/// for a name that is not among them. For tests and measurements; not while kernels run.
+bool forceTarget(const std::string& name);
 }  // namespace simd
 
 namespace reference {
