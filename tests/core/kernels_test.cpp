@@ -64,7 +64,8 @@ struct RandomSamples {
 };
 
 Occupancy allCells(const VoxelField& field) {
-    return occupancyFromCells(field.topology(), {field.topology().cells().begin(), field.topology().cells().end()});
+    return occupancyFromCells(field.topology(),
+                              {field.topology().cells().begin(), field.topology().cells().end()});
 }
 
 }  // namespace
@@ -101,8 +102,8 @@ TEST_CASE("density of samples: fast = reference") {
                                       slow[2].data(), slow[3].data());
             int wrong = 0;
             for (int i = 0; i < n; ++i) {
-                // Terms of the trilinear sum reach 30; exp turns that into a relative error of tau and alpha, and
-                // into an absolute one of decay (tau exp(-tau) < 0.4).
+                // Terms of the trilinear sum reach 30; exp turns that into a relative error of tau and alpha,
+                // and into an absolute one of decay (tau exp(-tau) < 0.4).
                 const double error = 30 * kTolerance;
                 const double tau = slow[1][i];
                 wrong += !(std::abs(fast[0][i] - slow[0][i]) <= error);
@@ -128,17 +129,19 @@ TEST_CASE("features of samples, summed along rays: fast = reference for 4, 8 and
                 RandomSamples samples(field.topology(), n, kRays, 20 + n);
                 const std::size_t n_values = static_cast<std::size_t>(n) * channels;
                 std::vector<float> fast(n_values + kPadding), slow(n_values + kPadding);
-                std::vector<float> fast_sum = randomFloats(kRays * channels + kPadding, -1, 1, 30), slow_sum = fast_sum;
+                std::vector<float> fast_sum = randomFloats(kRays * channels + kPadding, -1, 1, 30),
+                                   slow_sum = fast_sum;
                 simd::featuresForward(bricks, n, samples.arrays(), samples.ray.data(), samples.weight.data(),
                                       fast.data(), fast_sum.data());
-                reference::featuresForward(bricks, n, samples.arrays(), samples.ray.data(), samples.weight.data(),
-                                           slow.data(), slow_sum.data());
+                reference::featuresForward(bricks, n, samples.arrays(), samples.ray.data(),
+                                           samples.weight.data(), slow.data(), slow_sum.data());
                 CHECK(countWrong(fast, slow, n_values, 1.0) == 0);
                 CHECK(countWrong(fast_sum, slow_sum, kRays * channels, 1.0 + n) == 0);
 
                 std::vector<float> fast_dot(n + kPadding), slow_dot(n + kPadding);
                 simd::rowDots(n, channels, slow.data(), samples.ray.data(), slow_sum.data(), fast_dot.data());
-                reference::rowDots(n, channels, slow.data(), samples.ray.data(), slow_sum.data(), slow_dot.data());
+                reference::rowDots(n, channels, slow.data(), samples.ray.data(), slow_sum.data(),
+                                   slow_dot.data());
                 CHECK(countWrong(fast_dot, slow_dot, n, channels * (1.0 + n)) == 0);
             }
         });
@@ -153,7 +156,8 @@ TEST_CASE("gradients of one leaf: fast = reference, and the same voxels are touc
         std::vector<LeafContribution> contributions;
         for (int i = 0; i < kSamples; ++i) {
             const auto coordinate = [&](int axis) {
-                return static_cast<std::int32_t>(randomBits(41, axis, i) % 9) - 1;  // -1: a lower neighbour's cell
+                return static_cast<std::int32_t>(randomBits(41, axis, i) % 9) -
+                       1;  // -1: a lower neighbour's cell
             };
             contributions.push_back({coordinate(0), coordinate(1), coordinate(2), randomIn(0, 1, 42, i),
                                      randomIn(0, 1, 43, i), randomIn(0, 1, 44, i), randomIn(0, 1, 45, i),
@@ -188,10 +192,12 @@ TEST_CASE("RMSprop of one leaf: fast = reference; untouched voxels keep everythi
             explicit Leaf(int n)
                 : gradient(randomFloats(512 + kPadding, -1, 1, 50)),
                   feature_gradient(randomFloats(512 * n + kPadding, -1, 1, 51)),
-                  density(randomFloats(512 + kPadding, -4, 4, 52)), moment(randomFloats(512 + kPadding, 0, 1, 53)),
+                  density(randomFloats(512 + kPadding, -4, 4, 52)),
+                  moment(randomFloats(512 + kPadding, 0, 1, 53)),
                   features(randomFloats(512 * n + kPadding, -1, 1, 54)),
                   feature_moment(randomFloats(512 + kPadding, 0, 1, 55)) {
-                for (int word = 0; word < 8; ++word) touched[word] = randomBits(56, 0, word) & randomBits(56, 1, word);
+                for (int word = 0; word < 8; ++word)
+                    touched[word] = randomBits(56, 0, word) & randomBits(56, 1, word);
             }
             void step(int n, const RmsPropRates& rates, decltype(&simd::rmsPropLeaf) kernel) {
                 kernel(n, rates, {gradient.data(), feature_gradient.data(), touched.data()}, density.data(),
@@ -214,7 +220,8 @@ TEST_CASE("RMSprop of one leaf: fast = reference; untouched voxels keep everythi
                 const bool is_touched = testBit(before.touched, voxel);
                 wrong += is_touched == (fast.density[voxel] == before.density[voxel]);
                 wrong += is_touched == (fast.feature_moment[voxel] == before.feature_moment[voxel]);
-                wrong += is_touched && (fast.gradient[voxel] != 0 || fast.feature_gradient[voxel * channels] != 0);
+                wrong +=
+                    is_touched && (fast.gradient[voxel] != 0 || fast.feature_gradient[voxel * channels] != 0);
             }
             CHECK(wrong == 0);
         });

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Marching must find exactly the samples that a plain walk finds: every step of every ray, one after the other, with
-// nothing skipped.
+// Marching must find exactly the samples that a plain walk finds: every step of every ray, one after the other,
+// with nothing skipped.
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -46,8 +46,16 @@ struct Rays {
         return origin == Vec3f(origin.array().round()) && direction.cwiseAbs().maxCoeff() == 1;
     }
     RayTile tile(std::vector<std::int32_t>& progress) {
-        return {static_cast<int>(size()), ox.data(), oy.data(), oz.data(), dx.data(), dy.data(), dz.data(),
-                length.data(), offset.data(), progress.data()};
+        return {static_cast<int>(size()),
+                ox.data(),
+                oy.data(),
+                oz.data(),
+                dx.data(),
+                dy.data(),
+                dz.data(),
+                length.data(),
+                offset.data(),
+                progress.data()};
     }
 };
 
@@ -71,17 +79,17 @@ Rays mixedRays() {
                 Vec3d direction = Vec3d::Zero(), origin = inBox(2000 + 16 * axis + i);
                 direction[axis] = sign;
                 if (i < 4) origin[axis] = sign > 0 ? 0.0 : box[axis];
-                rays.add(origin, direction, 0.25f);                             // parallel to an axis
-                rays.add(origin.array().round(), direction, 0.25f);             // along edges of cells
-                rays.add((origin / 8).array().floor() * 8, direction, 0.25f);   // along edges of leaves
+                rays.add(origin, direction, 0.25f);                            // parallel to an axis
+                rays.add(origin.array().round(), direction, 0.25f);            // along edges of cells
+                rays.add((origin / 8).array().floor() * 8, direction, 0.25f);  // along edges of leaves
                 direction[(axis + 1) % 3] = 1e-7;
-                rays.add((origin / 8).array().floor() * 8, direction, 0.25f);   // grazing a face of leaves
+                rays.add((origin / 8).array().floor() * 8, direction, 0.25f);  // grazing a face of leaves
                 direction[(axis + 1) % 3] = 1;
-                rays.add(origin.array().round(), direction, 0.25f);             // diagonal in a face, edge to edge
+                rays.add(origin.array().round(), direction, 0.25f);  // diagonal in a face, edge to edge
             }
-    rays.add(Vec3d::Zero(), Vec3d::Ones(), 0.0f);                     // through every corner on the diagonal
-    rays.add(box, -Vec3d::Ones(), 0.0f);                              // and back
-    rays.add(box, Vec3d::Ones(), 0.0f);                               // out of the box at once
+    rays.add(Vec3d::Zero(), Vec3d::Ones(), 0.0f);  // through every corner on the diagonal
+    rays.add(box, -Vec3d::Ones(), 0.0f);           // and back
+    rays.add(box, Vec3d::Ones(), 0.0f);            // out of the box at once
     return rays;
 }
 
@@ -92,8 +100,8 @@ struct Found {
 };
 
 /// Marches all rays to their ends, in rounds of max_per_ray, and checks what kernels.h promises of each round.
-std::vector<std::vector<Found>> march(decltype(&simd::marchRays) kernel, const Topology& topology, const Bricks& bricks,
-                                      Rays& rays, int max_per_ray) {
+std::vector<std::vector<Found>> march(decltype(&simd::marchRays) kernel, const Topology& topology,
+                                      const Bricks& bricks, Rays& rays, int max_per_ray) {
     std::vector<std::vector<Found>> found(rays.size());
     std::vector<std::int32_t> progress = rays.next, alive = rays.alive, begin(rays.size() + 1);
     const std::size_t room = rays.size() * static_cast<std::size_t>(max_per_ray + kPadding) + kPadding;
@@ -130,8 +138,8 @@ constexpr double kRounding = 2e-5;
 
 bool isNearFace(const Vec3d& p) { return ((p.array() - p.array().round()).abs() < kRounding).any(); }
 
-/// Samples that only one of two walks found, or that both put at different places; a sample within rounding of a
-/// cell's face may belong to either side, and so be found by one alone, unless coordinates are exact.
+/// Samples that only one of two walks found, or that both put at different places; a sample within rounding of
+/// a cell's face may belong to either side, and so be found by one alone, unless coordinates are exact.
 int countDifferent(const std::vector<Found>& a, const std::vector<Found>& b, bool is_exact) {
     int different = 0;
     std::size_t i = 0, j = 0;
@@ -154,7 +162,8 @@ TEST_CASE("marching finds exactly the samples of a plain walk, for any occupancy
     for (const double share : {0.001, 0.02, 0.3, 1.0}) {
         const VoxelField field = test::randomField(kDims, 4, share, -1.0f, 1.0f, 80);
         const Topology& topology = field.topology();
-        const Occupancy occupancy = occupancyFromCells(topology, {topology.cells().begin(), topology.cells().end()});
+        const Occupancy occupancy =
+            occupancyFromCells(topology, {topology.cells().begin(), topology.cells().end()});
         const Bricks bricks = bricksOf(field, occupancy);
         const auto expected = march(&reference::marchRays, topology, bricks, rays, 1000);
         std::size_t n_expected = 0;
@@ -166,7 +175,8 @@ TEST_CASE("marching finds exactly the samples of a plain walk, for any occupancy
                 CAPTURE(share, max_per_ray);
                 const auto found = march(&simd::marchRays, topology, bricks, rays, max_per_ray);
                 int different = 0;
-                for (std::size_t r = 0; r < rays.size(); ++r) different += countDifferent(expected[r], found[r], rays.isExact(r));
+                for (std::size_t r = 0; r < rays.size(); ++r)
+                    different += countDifferent(expected[r], found[r], rays.isExact(r));
                 CHECK(different == 0);
             }
         });

@@ -31,7 +31,8 @@ struct SlowMlp {
             for (int o = 0; o < n_out; ++o)
                 for (int b = 0; b < kBatch; ++b) {
                     double sum = parameters[offset + n_in * n_out + o];
-                    for (int i = 0; i < n_in; ++i) sum += parameters[offset + o * n_in + i] * in[i * kBatch + b];
+                    for (int i = 0; i < n_in; ++i)
+                        sum += parameters[offset + o * n_in + i] * in[i * kBatch + b];
                     const bool is_hidden = l + 1 < kShape.layerCount();
                     if (is_hidden) smallest_hidden = std::min(smallest_hidden, std::abs(sum));
                     out[o * kBatch + b] = is_hidden ? std::max(sum, 0.0) : sum;
@@ -70,7 +71,8 @@ struct Pair {
 
     explicit Pair(float gradient_before = 0) {
         parameters = initialMlpParameters(kShape, 3, 0.5f);
-        for (std::size_t i = 0; i < parameters.size(); ++i) parameters[i] += randomIn(-0.3f, 0.3f, 90, i);  // biases too
+        for (std::size_t i = 0; i < parameters.size(); ++i)
+            parameters[i] += randomIn(-0.3f, 0.3f, 90, i);  // biases too
         activations.resize(kShape, kBatch);
         gradients.resize(kShape, kBatch);
         dl_dparameters.assign(parameters.size(), gradient_before);
@@ -102,7 +104,8 @@ TEST_CASE("a network's outputs agree with a plain one in double") {
     const float* const found = pair.activations.layer(kShape.layerCount());
     for (int o = 0; o < 3; ++o)
         for (int b = 0; b < kBatch; ++b)
-            CHECK(found[o * pair.activations.stride + b] == Approx(expected[o * kBatch + b]).margin(kTolerance));
+            CHECK(found[o * pair.activations.stride + b] ==
+                  Approx(expected[o * kBatch + b]).margin(kTolerance));
 }
 
 TEST_CASE("a network's gradients agree with central differences, section by section") {
@@ -133,7 +136,8 @@ TEST_CASE("a network's gradients agree with central differences, section by sect
     for (int i = 0; i < kShape.widths.front(); ++i)
         for (int b = 0; b < kBatch; ++b) {
             const double expected = pair.slow.derivative(pair.slow.input[i * kBatch + b]);
-            wrong += !(std::abs(pair.gradients.layer(0)[i * pair.gradients.stride + b] - expected) <= kTolerance);
+            wrong +=
+                !(std::abs(pair.gradients.layer(0)[i * pair.gradients.stride + b] - expected) <= kTolerance);
         }
     CHECK(wrong == 0);
 }

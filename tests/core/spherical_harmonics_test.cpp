@@ -21,8 +21,8 @@ std::array<float, kSphericalHarmonics> harmonicsAt(double x, double y, double z)
 }  // namespace
 
 TEST_CASE("spherical harmonics are orthonormal over the sphere") {
-    // Exact quadrature for products of two degree-3 polynomials: 4 Gauss-Legendre nodes in z (degree 7), 8 equal
-    // steps of azimuth (frequencies below 8).
+    // Exact quadrature for products of two degree-3 polynomials: 4 Gauss-Legendre nodes in z (degree 7), 8
+    // equal steps of azimuth (frequencies below 8).
     constexpr double kNode[2] = {0.3399810435848563, 0.8611363115940526};
     constexpr double kWeight[2] = {0.6521451548625461, 0.3478548451374538};
     double product[kSphericalHarmonics][kSphericalHarmonics] = {};
@@ -54,7 +54,7 @@ TEST_CASE("spherical harmonics of degree l are even or odd as l is, and written 
 
 TEST_CASE("spherical harmonics have Sloan's order and signs") {
     const auto x = harmonicsAt(1, 0, 0), y = harmonicsAt(0, 1, 0), z = harmonicsAt(0, 0, 1);
-    CHECK((x[3] < 0 && y[1] < 0 && z[2] > 0));  // l = 1: -y, z, -x
-    CHECK((z[6] > 0 && x[8] > 0 && y[8] < 0));  // 3 z^2 - 1, x^2 - y^2
+    CHECK((x[3] < 0 && y[1] < 0 && z[2] > 0));                           // l = 1: -y, z, -x
+    CHECK((z[6] > 0 && x[8] > 0 && y[8] < 0));                           // 3 z^2 - 1, x^2 - y^2
     CHECK(z[12] == Approx(0.25 * std::sqrt(7 / std::numbers::pi) * 2));  // z (5 z^2 - 3) at the pole
 }

@@ -1,0 +1,43 @@
+// SPDX-License-Identifier: Apache-2.0
+// The synthetic sphere photographed in memory, as a reader would return it.
+#pragma once
+
+#include <cmath>
+
+#include "core/parallel.h"
+#include "trainer/dataset.h"
+#include "trainer/exact_ray.h"
+#include "trainer/write_dataset.h"
+
+namespace nerfvdb::test {
+
+/// Rounds a picture with straight alpha to what a file of 8 bits keeps.
+inline Photo photoOf(const Image& image) {
+    Photo photo;
+    photo.width = image.width, photo.height = image.height;
+    photo.has_alpha = true;
+    photo.pixels.resize(static_cast<std::size_t>(image.width) * image.height);
+    for (std::size_t i = 0; i < photo.pixels.size(); ++i)
+        for (int c = 0; c < 4; ++c)
+            photo.pixels[i][c] = static_cast<std::uint8_t>(std::lround(255 * image.pixels[4 * i + c]));
+    return photo;
+}
+
+/// Views of one split of the data set that `synth sphere` writes.
+inline Dataset sphereDataset(Split split, int n_views, int size) {
+    SyntheticDatasetOptions options;
+    options.train_views = options.val_views = options.test_views = n_views;
+    options.width = options.height = size;
+    const auto scene = makeSyntheticScene("sphere");
+    Dataset dataset;
+    dataset.root = "sphere";
+    dataset.has_alpha = true;
+    const std::vector<Camera> cameras = syntheticCameras(split, options);
+    dataset.views.resize(cameras.size());
+    parallelFor(cameras.size(), [&](std::size_t i) {
+        dataset.views[i] = {cameras[i], "view " + std::to_string(i), photoOf(exactImage(*scene, cameras[i]))};
+    });
+    return dataset;
+}
+
+}  // namespace nerfvdb::test

@@ -1,0 +1,128 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/checkpoint.h"
+
+#include <string>
+
+#include "core/atomic_file.h"
+#include "core/error.h"
+#include "core/parallel.h"
+#include "tests/support/catch.h"
+#include "tests/support/sphere_dataset.h"
+#include "tests/support/temp_dir.h"
+#include "trainer/trainer.h"
+#include "vdb/model_file.h"
+
+using namespace nerfvdb;
+
+namespace {
+
+const Dataset& sphere() {
+    static const Dataset dataset = test::sphereDataset(Split::train, 12, 48);
+    return dataset;
+}
+
+/// Asks to stop once it was asked `limit` times; training asks once a step.
+class StopAfter : public Report {
+public:
+    explicit StopAfter(int limit) : limit_(limit) {}
+    bool cancelled() const override { return count_++ >= limit_; }
+
+private:
+    int limit_;
+    mutable int count_ = 0;
+};
+
+TrainOptions shortRun() {
+    TrainOptions options;
+    options.steps = {36, 40, 10, 6};  // two refinements, and an occupancy update in the first two stages
+    options.seed = 7;
+    return options;
+}
+
+/// Bytes of the model file that a result becomes.
+std::string modelBytes(const TrainResult& result, const TempDir& dir) {
+    saveModel(result.model, dir / "model.vdb");
+    return readFile(dir / "model.vdb");
+}
+
+TrainResult trainTo(const std::filesystem::path& checkpoint, Report& report, bool resume) {
+    return train(sphere(), shortRun(), report, {}, checkpoint, resume);
+}
+
+}  // namespace
+
+TEST_CASE("a checkpoint that is loaded and saved again repeats the file") {
+    const TempDir dir;
+    StopAfter report(50);
+    trainTo(dir / "a.ckpt", report, false);
+    TrainState state;
+    TrainPlace place;
+    loadCheckpoint(dir / "a.ckpt", state, place);
+    CHECK(place.step == 50);
+    CHECK(place.stage == 1);
+    CHECK(place.step_in_stage == 14);
+    saveCheckpoint(dir / "b.ckpt", state, place);
+    CHECK(readFile(dir / "a.ckpt") == readFile(dir / "b.ckpt"));
+}
+
+TEST_CASE("training that was stopped and resumed, anywhere, gives the same files as training straight on") {
+    const TempDir dir;
+    Report silent;
+    const TrainResult straight = trainTo(dir / "straight.ckpt", silent, false);
+    REQUIRE(straight.steps == 92);
+    const std::string expected = modelBytes(straight, dir);
+    // At the very start, inside a stage, at a stage's last step, at an occupancy update, and near the end.
+    for (const int stop : {0, 1, 36, 50, 68, 91}) {
+        CAPTURE(stop);
+        StopAfter report(stop);
+        const TrainResult part = trainTo(dir / "parts.ckpt", report, false);
+        REQUIRE(part.interrupted);
+        REQUIRE(part.steps == stop);
+        const ThreadLimit other_threads(1);  // which must not matter
+        const TrainResult whole = trainTo(dir / "parts.ckpt", silent, true);
+        CHECK_FALSE(whole.interrupted);
+        CHECK(whole.steps == 92);
+        CHECK(modelBytes(whole, dir) == expected);
+        CHECK(readFile(dir / "parts.ckpt") == readFile(dir / "straight.ckpt"));
+    }
+}
+
+TEST_CASE("what is not a whole checkpoint of this version is refused, and says why") {
+    const TempDir dir;
+    StopAfter report(3);
+    trainTo(dir / "good.ckpt", report, false);
+    const std::string good = readFile(dir / "good.ckpt");
+    TrainState state;
+    TrainPlace place;
+    const auto load = [&](std::string_view bytes) {
+        writeAtomically(dir / "bad.ckpt", bytes);
+        loadCheckpoint(dir / "bad.ckpt", state, place);
+    };
+    CHECK_THROWS_AS(loadCheckpoint(dir / "none.ckpt", state, place), IoError);
+    CHECK_THROWS_WITH(load(""), Catch::Contains("bad.ckpt") && Catch::Contains("another kind of file"));
+    CHECK_THROWS_WITH(load("P6 a picture of something else"), Catch::Contains("another kind of file"));
+    std::string newer = good;
+    newer[std::string("nerfvdb-checkpoint ").size()] = '2';
+    CHECK_THROWS_WITH(load(newer), Catch::Contains("another version"));
+    for (const std::size_t place_of_damage :
+         {good.size() - 1, good.size() / 2, std::size_t{60}, std::size_t{30}}) {
+        std::string damaged = good;
+        damaged[place_of_damage] = static_cast<char>(damaged[place_of_damage] ^ 4);
+        CHECK_THROWS_WITH(load(damaged), Catch::Contains("damaged or truncated"));
+    }
+    for (const std::size_t length : {good.size() - 1, good.size() / 2, std::size_t{40}})
+        CHECK_THROWS_WITH(load(good.substr(0, length)), Catch::Contains("damaged or truncated"));
+    CHECK_THROWS_AS(load(good + "x"), DataError);
+    CHECK_NOTHROW(load(good));
+}
+
+TEST_CASE("resuming with another data set is refused") {
+    const TempDir dir;
+    StopAfter report(3);
+    trainTo(dir / "a.ckpt", report, false);
+    Dataset fewer = sphere();
+    fewer.views.pop_back();
+    Report silent;
+    CHECK_THROWS_WITH(train(fewer, shortRun(), silent, {}, dir / "a.ckpt", true),
+                      Catch::Contains("12 views") && Catch::Contains("11"));
+}

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/schedule.h"
+
+#include <cmath>
+
+#include "core/error.h"
+#include "tests/support/catch.h"
+
+using namespace nerfvdb;
+
+namespace {
+
+std::int64_t totalSteps(const std::vector<Stage>& stages) {
+    std::int64_t total = 0;
+    for (const Stage& stage : stages) total += stage.steps;
+    return total;
+}
+
+double stepCost(const Stage& stage) { return stage.batch * relativeRayCost(stage.level); }
+
+}  // namespace
+
+TEST_CASE("stages go from coarse to fine, share all of the time, and end with two of the finest level") {
+    for (int levels = 1; levels <= kMaxLevels; ++levels) {
+        const std::vector<Stage> stages = defaultStages(levels);
+        REQUIRE(stages.size() == static_cast<std::size_t>(levels + 1));
+        double shares = 0;
+        for (std::size_t s = 0; s < stages.size(); ++s) {
+            CHECK(stages[s].level == std::min(static_cast<int>(s), levels - 1));
+            CHECK(stages[s].share > 0);
+            shares += stages[s].share;
+        }
+        CHECK(shares == Approx(1));
+    }
+    CHECK_THROWS_AS(defaultStages(0), UsageError);
+    CHECK_THROWS_AS(defaultStages(kMaxLevels + 1), UsageError);
+}
+
+TEST_CASE("planned steps sum to the total, in proportion to share over cost") {
+    for (int levels = 1; levels <= kMaxLevels; ++levels)
+        for (const std::int64_t total : {1, 2, 7, 100, 4500, 110000}) {
+            CAPTURE(levels, total);
+            std::vector<Stage> stages = defaultStages(levels);
+            planSteps(stages, total);
+            CHECK(totalSteps(stages) == total);
+            double weights = 0;
+            for (const Stage& stage : stages) weights += stage.share / stepCost(stage);
+            for (const Stage& stage : stages) {
+                CHECK(stage.steps >= 0);
+                // Rounded at both ends.
+                CHECK(std::abs(stage.steps - total * stage.share / stepCost(stage) / weights) <= 1.0);
+            }
+        }
+}
+
+TEST_CASE("more rays never mean fewer levels, and a plan has the levels that its own rays deserve") {
+    int last = 1;
+    for (double rays = 1; rays < 1e9; rays *= 1.5) {
+        const int levels = levelsForRays(rays, kMaxLevels);
+        CHECK(levels >= last);
+        CHECK(levelsForRays(rays, 2) == std::min(levels, 2));
+        last = levels;
+    }
+    CHECK(last == kMaxLevels);
+    for (const std::int64_t total : {1, 50, 600, 4500, 18000, 110000})
+        for (int most = 1; most <= kMaxLevels; ++most) {
+            const std::vector<Stage> stages = stagesForSteps(total, most);
+            CHECK(totalSteps(stages) == total);
+            double rays = 0;
+            for (const Stage& stage : stages) rays += static_cast<double>(stage.steps) * stage.batch;
+            CHECK(levelsForRays(rays, stages.back().level + 1) == stages.back().level + 1);
+            CHECK(stages.back().level < most);
+        }
+}
+
+TEST_CASE("steps planned for a time take that time by the cost model") {
+    for (const std::size_t first : {0, 2}) {
+        std::vector<Stage> stages = defaultStages(kMaxLevels);
+        for (Stage& stage : stages) stage.steps = 10;
+        const double step_seconds = 0.01, seconds = 200;
+        planTime(stages, first, 5, step_seconds, seconds);
+        double planned = -5 * step_seconds;  // five are over
+        for (std::size_t s = first; s < stages.size(); ++s)
+            planned += stages[s].steps * step_seconds * stepCost(stages[s]) / stepCost(stages[first]);
+        // Half a step of each stage is rounded; the longest takes 0.34 s.
+        CHECK(std::abs(planned - seconds) < 0.5);
+        for (std::size_t s = 0; s < first; ++s) CHECK(stages[s].steps == 10);
+    }
+}
+
+TEST_CASE("without time left each stage still gets a step, after those that are done") {
+    std::vector<Stage> stages = defaultStages(3);
+    planTime(stages, 1, 40, 0.01, -3);
+    CHECK(stages[1].steps == 41);
+    CHECK(stages[2].steps == 1);
+    CHECK(stages[3].steps == 1);
+}
+
+TEST_CASE("progress runs from 0 to 1 without a step back or a leap") {
+    std::vector<Stage> stages = stagesForSteps(4500, kMaxLevels);
+    double last = 0;
+    CHECK(progressAt(stages, 0, 0) == 0);
+    for (std::size_t s = 0; s < stages.size(); ++s)
+        for (std::int64_t step = 0; step <= stages[s].steps; ++step) {
+            const double progress = progressAt(stages, s, step);
+            CHECK(progress >= last - 1e-12);
+            CHECK(progress <= last + stages[s].share / static_cast<double>(stages[s].steps) + 1e-12);
+            last = progress;
+        }
+    CHECK(last == Approx(1));
+}
+
+TEST_CASE("a schedule's text names the steps of each stage") {
+    std::vector<Stage> stages = defaultStages(2);
+    stages[0].steps = 120, stages[1].steps = 300, stages[2].steps = 9000000000;
+    CHECK(scheduleText(stages) == "120,300,9000000000");
+}
