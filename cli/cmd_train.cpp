@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // nerfvdb train: photographs in; model.vdb, model.ckpt (for --resume) and model.csv (how it went) out.
-#include <fstream>
 #include <map>
 #include <sstream>
 
@@ -34,12 +33,7 @@ public:
         rows_ += formatted("%lld,%.2f,%.6g,%.3f,%llu,%zu\n", static_cast<long long>(progress.step),
                            progress.seconds, progress.loss, progress.psnr,
                            static_cast<unsigned long long>(progress.rays), progress.voxels);
-        writeAtomically(path_, [&](const std::filesystem::path& temporary) {
-            std::ofstream file(temporary, std::ios::binary);
-            file << rows_;
-            file.close();
-            if (!file) throw IoError(path_.string(), "a failed write", "room for the log", "is the disk full?");
-        });
+        writeAtomically(path_, rows_, Durable::system);
     }
 
 private:

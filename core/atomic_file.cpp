@@ -98,9 +98,8 @@ void writeAll(int fd, std::string_view bytes, const fs::path& path) {
     }
 }
 
-}  // namespace
-
-void writeAtomically(const fs::path& path, const std::function<void(const fs::path& temporary)>& write) {
+void replaceFile(const fs::path& path, const std::function<void(const fs::path& temporary)>& write,
+                 Durable durable) {
     std::error_code ignored;
     // A symbolic link stays one: its target is what gets replaced.
     const fs::path target = fs::is_symlink(path, ignored) ? fs::weakly_canonical(path, ignored) : path;
@@ -129,20 +128,28 @@ void writeAtomically(const fs::path& path, const std::function<void(const fs::pa
         throw IoError(path.string(), error.what(), "the file to be written");
     }
 
-    syncToDisk(temporary.path, path);
+    if (durable == Durable::disk) syncToDisk(temporary.path, path);
     if (::rename(temporary.path.c_str(), target.c_str()) != 0)
         throwErrno(path, errno, "the finished file to take its name");
+    if (durable == Durable::system) return;
     // Make the new name durable too; some file systems cannot do that to a folder, and the content is safe.
     if (const Descriptor directory(folder, O_RDONLY | O_DIRECTORY); directory.isOpen())
         ::fsync(directory.get());
 }
 
-void writeAtomically(const fs::path& path, std::string_view bytes) {
-    writeAtomically(path, [&](const fs::path& temporary) {
+}  // namespace
+
+void writeAtomically(const fs::path& path, const std::function<void(const fs::path& temporary)>& write) {
+    replaceFile(path, write, Durable::disk);
+}
+
+void writeAtomically(const fs::path& path, std::string_view bytes, Durable durable) {
+    const auto write = [&](const fs::path& temporary) {
         const Descriptor file(temporary, O_WRONLY | O_TRUNC);
         if (!file.isOpen()) throwErrno(path, errno, "a folder that can be written");
         writeAll(file.get(), bytes, path);
-    });
+    };
+    replaceFile(path, write, durable);
 }
 
 std::string readFile(const fs::path& path) {

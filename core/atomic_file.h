@@ -19,8 +19,12 @@ namespace nerfvdb {
 void writeAtomically(const std::filesystem::path& path,
                      const std::function<void(const std::filesystem::path& temporary)>& write);
 
+/// How far a file must have got before it takes its name. `system`: safe when this program dies, not when the
+/// machine loses power; for large files that are soon replaced and carry their own checksum.
+enum class Durable { disk, system };
+
 /// The same for content that is already in memory.
-void writeAtomically(const std::filesystem::path& path, std::string_view bytes);
+void writeAtomically(const std::filesystem::path& path, std::string_view bytes, Durable durable = Durable::disk);
 
 /// Whole file as bytes. Throws IoError.
 std::string readFile(const std::filesystem::path& path);

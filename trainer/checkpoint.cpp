@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trainer/checkpoint.h"
 
+#include <algorithm>
 #include <bit>
 #include <cstring>
 #include <string>
@@ -8,6 +9,7 @@
 
 #include "core/atomic_file.h"
 #include "core/error.h"
+#include "core/parallel.h"
 
 namespace nerfvdb {
 namespace {
@@ -73,26 +75,43 @@ private:
     std::string where_;
 };
 
-/// The values of voxels that exist, leaf by leaf: a pool without its gaps.
+/// Where each leaf's values begin in a pool without its gaps, in voxels; [leaves + 1].
+std::vector<std::size_t> compactOffsets(const Topology& topology) {
+    std::vector<std::size_t> begin{0};
+    for (const LeafMask& mask : topology.voxels()) {
+        std::size_t n = 0;
+        for (const std::uint64_t word : mask) n += static_cast<std::size_t>(std::popcount(word));
+        begin.push_back(begin.back() + n);
+    }
+    return begin;
+}
+
+/// Calls move(pool position, compact position) for every voxel that exists, in parallel.
+template <typename Move>
+void forEachVoxel(const Topology& topology, const std::vector<std::size_t>& begin, const Move& move) {
+    parallelRanges(topology.leafCount(), 64, [&](std::size_t first, std::size_t last) {
+        for (std::size_t leaf = first; leaf < last; ++leaf) {
+            std::size_t next = begin[leaf];
+            forEachBit(topology.voxels()[leaf], [&](int offset) { move(leaf * kLeafVoxels + offset, next++); });
+        }
+    });
+}
+
 std::vector<float> gather(const Topology& topology, int channels, std::span<const float> pool) {
-    std::vector<float> values;
-    values.reserve(topology.voxelCount() * channels);
-    for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf)
-        for (int offset = 0; offset < kLeafVoxels; ++offset)
-            if (testBit(topology.voxels()[leaf], offset))
-                for (int c = 0; c < channels; ++c)
-                    values.push_back(pool[(leaf * kLeafVoxels + offset) * channels + c]);
+    const std::vector<std::size_t> begin = compactOffsets(topology);
+    std::vector<float> values(begin.back() * channels);
+    forEachVoxel(topology, begin, [&](std::size_t from, std::size_t to) {
+        std::copy_n(&pool[from * channels], channels, &values[to * channels]);
+    });
     return values;
 }
 
 bool scatter(const Topology& topology, int channels, const std::vector<float>& values, std::span<float> pool) {
-    if (values.size() != topology.voxelCount() * channels) return false;
-    std::size_t next = 0;
-    for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf)
-        for (int offset = 0; offset < kLeafVoxels; ++offset)
-            if (testBit(topology.voxels()[leaf], offset))
-                for (int c = 0; c < channels; ++c)
-                    pool[(leaf * kLeafVoxels + offset) * channels + c] = values[next++];
+    const std::vector<std::size_t> begin = compactOffsets(topology);
+    if (values.size() != begin.back() * channels) return false;
+    forEachVoxel(topology, begin, [&](std::size_t to, std::size_t from) {
+        std::copy_n(&values[from * channels], channels, &pool[to * channels]);
+    });
     return true;
 }
 
@@ -160,7 +179,9 @@ void visitLearner(Visitor& visit, TrainState& state, std::vector<float>& network
 void saveCheckpoint(const std::filesystem::path& path, const TrainState& state, const TrainPlace& place) {
     const Topology& topology = state.field.topology();
     const int channels = state.field.channels();
-    std::string body;
+    std::string body(kHead);
+    body.append(kHashDigits, '0').append("\n");
+    body.reserve(topology.voxelCount() * (channels + 3) * sizeof(float) + topology.bytes() + (1 << 20));
     Writer writer(body);
     TrainPlace place_copy = place;
     visitPlace(writer, place_copy);
@@ -171,14 +192,19 @@ void saveCheckpoint(const std::filesystem::path& path, const TrainState& state, 
     visitGrid(writer, grid);
     std::vector<float> network(state.decoder.parameters().begin(), state.decoder.parameters().end());
     visitLearner(writer, const_cast<TrainState&>(state), network);  // a writer changes nothing
-    for (std::vector<float> values :
-         {gather(topology, 1, state.field.density()), gather(topology, channels, state.field.features()),
-          gather(topology, 1, state.density_moment.span()), gather(topology, 1, state.feature_moment.span())})
+    const auto add = [&](int n_channels, std::span<const float> pool) {
+        std::vector<float> values = gather(topology, n_channels, pool);
         writer.values(values);
+    };
+    add(1, state.field.density());
+    add(channels, state.field.features());
+    add(1, state.density_moment.span());
+    add(1, state.feature_moment.span());
 
-    std::string file(kHead);
-    file += contentHash(std::as_bytes(std::span(body))) + "\n" + body;
-    writeAtomically(path, file);
+    const std::size_t head = kHead.size() + kHashDigits + 1;
+    const std::string hash = contentHash(std::as_bytes(std::span(body).subspan(head)));
+    body.replace(kHead.size(), kHashDigits, hash);
+    writeAtomically(path, body, Durable::system);
 }
 
 void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainPlace& place) {

@@ -15,7 +15,7 @@
 namespace nerfvdb {
 namespace {
 
-constexpr int kChannels = 16;
+constexpr int kChannels = 8;
 constexpr double kFinalRate = 0.1;          // learning rates fall to this share of themselves, exponentially
 constexpr int kWarmUpSteps = 20;            // rates rise linearly at the very start
 constexpr float kMinAlpha = 0.01f;          // cells that stop less light over a voxel are not looked at
@@ -24,7 +24,8 @@ constexpr float kInitialRaw = -4.19f;       // ... and starts at alpha 0.03 over
 constexpr double kErrorMemory = 0.99;       // of the running mean of the error, per step
 constexpr double kVoxelPerPixel = 0.6;      // voxels smaller than this share of a pixel's width show nothing new
 constexpr double kTellSeconds = 2;          // between progress reports
-constexpr double kCheckpointSeconds = 60;
+constexpr double kCheckpointSeconds = 60;   // between checkpoints, at least ...
+constexpr double kCheckpointShare = 0.02;   // ... and so rarely that they cost no more than this share of the time
 constexpr std::int64_t kFirstOccupancy = 32, kLastOccupancy = 512;  // steps between updates, growing inside a stage
 constexpr std::int64_t kProbeSteps = 40;    // of a stage, before its cost is believed
 constexpr double kSaveSeconds = 0.3, kSaveSecondsPerVoxel = 1.0e-6;  // pruning and writing the model
@@ -117,7 +118,7 @@ private:
     // Of the clock; nothing that is learned depends on these.
     Clock clock_;
     double step_seconds_ = 0;  // running mean on the current level; 0: unknown
-    double last_told_ = 0, last_saved_ = 0;
+    double last_told_ = 0, last_saved_ = 0, save_seconds_ = 0;
     double interval_error_ = 0;
     std::uint64_t interval_rays_ = 0;
 };
@@ -276,7 +277,7 @@ bool Training::runStage() {
         if (plans_time_ && is_new_level && place_.step_in_stage == std::min(kProbeSteps, stage().steps))
             replanForTime();
         tell(/*force=*/false);
-        if (clock_.seconds() - last_saved_ > kCheckpointSeconds) save();
+        if (clock_.seconds() - last_saved_ > std::max(kCheckpointSeconds, save_seconds_ / kCheckpointShare)) save();
     }
     return true;
 }
@@ -357,8 +358,10 @@ void Training::tell(bool force) {
 }
 
 void Training::save() {
-    last_saved_ = clock_.seconds();
+    const double begin = clock_.seconds();
     if (!checkpoint_.empty()) saveCheckpoint(checkpoint_, state_, place_);
+    last_saved_ = clock_.seconds();
+    save_seconds_ = last_saved_ - begin;
 }
 
 TrainResult Training::finish(bool interrupted) {
