@@ -14,18 +14,12 @@ namespace {
 struct LayerView {
     int n_in, n_out;
     std::size_t weights, bias;
+    std::size_t end() const { return bias + static_cast<std::size_t>(n_out); }
 };
 
-std::vector<LayerView> layersOf(const MlpShape& shape) {
-    std::vector<LayerView> layers;
-    std::size_t offset = 0;
-    for (std::size_t l = 0; l < shape.layerCount(); ++l) {
-        const int n_in = shape.widths[l], n_out = shape.widths[l + 1];
-        const std::size_t n_weights = static_cast<std::size_t>(n_in) * n_out;
-        layers.push_back({n_in, n_out, offset, offset + n_weights});
-        offset += n_weights + static_cast<std::size_t>(n_out);
-    }
-    return layers;
+LayerView layerAt(const MlpShape& shape, std::size_t l, std::size_t begin) {
+    const int n_in = shape.widths[l], n_out = shape.widths[l + 1];
+    return {n_in, n_out, begin, begin + static_cast<std::size_t>(n_in) * static_cast<std::size_t>(n_out)};
 }
 
 }  // namespace
@@ -39,12 +33,13 @@ std::size_t MlpShape::parameterCount() const {
 
 std::vector<float> initialMlpParameters(const MlpShape& shape, std::uint64_t seed, float output_gain) {
     std::vector<float> parameters(shape.parameterCount(), 0.0f);
-    const std::vector<LayerView> layers = layersOf(shape);
-    for (std::size_t l = 0; l < layers.size(); ++l) {
-        const float gain = l + 1 == layers.size() ? output_gain : 1.0f;
-        const float bound = gain * std::sqrt(6.0f / static_cast<float>(layers[l].n_in));
-        for (std::size_t i = layers[l].weights; i < layers[l].bias; ++i)
+    for (std::size_t l = 0, begin = 0; l < shape.layerCount(); ++l) {
+        const LayerView layer = layerAt(shape, l, begin);
+        const float gain = l + 1 == shape.layerCount() ? output_gain : 1.0f;
+        const float bound = gain * std::sqrt(6.0f / static_cast<float>(layer.n_in));
+        for (std::size_t i = layer.weights; i < layer.bias; ++i)
             parameters[i] = bound * (2 * unitFloat(static_cast<std::uint32_t>(randomBits(seed, l, i))) - 1);
+        begin = layer.end();
     }
     return parameters;
 }
@@ -61,18 +56,22 @@ void MlpActivations::resize(const MlpShape& shape, int max_batch) {
 }
 
 void mlpForward(const MlpShape& shape, std::span<const float> parameters, int batch, MlpActivations& activations) {
-    const std::vector<LayerView> layers = layersOf(shape);
-    for (std::size_t l = 0; l < layers.size(); ++l)
-        simd::layerForward(batch, activations.stride, layers[l].n_in, layers[l].n_out,
-                           &parameters[layers[l].weights], &parameters[layers[l].bias],
-                           /*relu=*/l + 1 < layers.size(), activations.layer(l), activations.layer(l + 1));
+    for (std::size_t l = 0, begin = 0; l < shape.layerCount(); ++l) {
+        const LayerView layer = layerAt(shape, l, begin);
+        simd::layerForward(batch, activations.stride, layer.n_in, layer.n_out, &parameters[layer.weights],
+                           &parameters[layer.bias], /*relu=*/l + 1 < shape.layerCount(), activations.layer(l),
+                           activations.layer(l + 1));
+        begin = layer.end();
+    }
 }
 
 void mlpBackward(const MlpShape& shape, std::span<const float> parameters, int batch, MlpActivations& activations,
                  MlpActivations& gradients, std::span<float> dl_dparameters) {
-    const std::vector<LayerView> layers = layersOf(shape);
-    for (std::size_t l = layers.size(); l-- > 0;) {
-        const LayerView& layer = layers[l];
+    std::size_t end = shape.parameterCount();
+    for (std::size_t l = shape.layerCount(); l-- > 0;) {
+        const std::size_t size = static_cast<std::size_t>(shape.widths[l] + 1) * static_cast<std::size_t>(shape.widths[l + 1]);
+        const LayerView layer = layerAt(shape, l, end - size);
+        end -= size;
         simd::layerBackwardWeights(batch, activations.stride, layer.n_in, layer.n_out, gradients.layer(l + 1),
                                    activations.layer(l), &dl_dparameters[layer.weights],
                                    &dl_dparameters[layer.bias]);

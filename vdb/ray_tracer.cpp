@@ -34,8 +34,7 @@ void KeptSamples::reserve(std::size_t size) {
 
 RayTracer::RayTracer(int max_rays) {
     const std::size_t rays = static_cast<std::size_t>(max_rays + kPadding);
-    for (auto* array : {&ox_, &oy_, &oz_, &dx_, &dy_, &dz_, &length_, &offset_, &entry_, &transmittance_, &dropped_,
-                        &suffix_})
+    for (auto* array : {&ox_, &oy_, &oz_, &dx_, &dy_, &dz_, &length_, &offset_, &entry_, &transmittance_, &dropped_})
         array->resize(rays);
     directions_.resize(3 * rays);
     for (auto* array : {&next_, &alive_, &begin_}) array->resize(rays + 1);
@@ -96,22 +95,22 @@ void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, Kept
         int n_left = 0, k = kept.n;
         for (int a = 0; a < n_alive; ++a) {
             const int r = alive_[a];
-            float transmittance = transmittance_[r], dropped = dropped_[r];
-            for (int i = begin_[a]; i < begin_[a + 1] && transmittance >= options.stop_transmittance; ++i) {
-                const float weight = transmittance * alpha_[i];
-                transmittance *= decay_[i];
+            CompositeRay light{transmittance_[r]};
+            float dropped = dropped_[r];
+            for (int i = begin_[a]; i < begin_[a + 1] && light.transmittance >= options.stop_transmittance; ++i) {
+                const float weight = light.add(alpha_[i], decay_[i]);
                 if (weight < options.min_weight && dropped + weight <= options.max_dropped) {
                     dropped += weight;
                     continue;
                 }
                 kept.leaf[k] = leaf_[i], kept.cell[k] = cell_[i], kept.ray[k] = r;
                 kept.x[k] = x_[i], kept.y[k] = y_[i], kept.z[k] = z_[i], kept.t[k] = t_[i];
-                kept.weight[k] = weight, kept.tau[k] = tau_[i], kept.transmittance[k] = transmittance;
+                kept.weight[k] = weight, kept.tau[k] = tau_[i], kept.transmittance[k] = light.transmittance;
                 ++k;
             }
-            transmittance_[r] = transmittance, dropped_[r] = dropped;
+            transmittance_[r] = light.transmittance, dropped_[r] = dropped;
             counters_.rays_skipped += first_round && begin_[a] == begin_[a + 1];
-            if (next_[r] >= 0 && transmittance >= options.stop_transmittance) alive_[n_left++] = r;
+            if (next_[r] >= 0 && light.transmittance >= options.stop_transmittance) alive_[n_left++] = r;
         }
         kept.n = k;
         n_alive = n_left;
@@ -132,11 +131,11 @@ void RayTracer::traceBackward(const TraceScene& scene, const float* dl_dray_feat
     if (slope_.size() < static_cast<std::size_t>(kept.n + kPadding))
         slope_.resize(static_cast<std::size_t>(kept.n + kPadding) * 3 / 2);
     simd::rowDots(kept.n, scene.bricks.channels, features_.data(), kept.ray.data(), dl_dray_features, slope_.data());
-    for (int r = 0; r < n_rays_; ++r) suffix_[r] = transmittance_[r] * dl_dtransmittance[r];
+    behind_.clear();
+    for (int r = 0; r < n_rays_; ++r) behind_.emplace_back(transmittance_[r], dl_dtransmittance[r]);
     for (int i = kept.n; i-- > 0;) {
-        const int r = kept.ray[i];
-        kept.dl_draw[i] = kept.tau[i] * (kept.transmittance[i] * slope_[i] - suffix_[r]);
-        suffix_[r] += kept.weight[i] * slope_[i];
+        const float dl_dtau = behind_[kept.ray[i]].add(kept.weight[i], kept.transmittance[i], slope_[i]);
+        kept.dl_draw[i] = kept.tau[i] * dl_dtau;  // d tau / d raw = tau
     }
 }
 

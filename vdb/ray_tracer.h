@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "core/camera.h"
+#include "core/composite.h"
 #include "core/simd/kernels.h"
 #include "vdb/occupancy.h"
 #include "vdb/voxel_field.h"
@@ -73,8 +74,7 @@ public:
     void trace(const TraceScene& scene, const TraceOptions& options, KeptSamples& kept);
 
     /// Gradient of the kept samples' raw densities (kept.dl_draw), given dl_dF [ray][channels] and dl_dT_end [ray]:
-    ///   dl_dtau_i = T_{i+1} a_i - sum_{j>i} w_j a_j - T_end dl_dT_end,  a_i = f_i . dl_dF
-    /// Nothing divides by 1 - alpha, nothing overflows. The gradient of features is linear and left to
+    /// CompositeRayBackward with dl_dw_i = f_i . dl_dF. The gradient of features is linear and left to
     /// leaf_scatter.h: dl_df_i = w_i dl_dF.
     void traceBackward(const TraceScene& scene, const float* dl_dray_features, const float* dl_dtransmittance,
                        KeptSamples& kept);
@@ -94,7 +94,8 @@ private:
     std::vector<float> transmittance_, dropped_, ray_features_;
     std::vector<std::int32_t> leaf_, cell_;
     std::vector<float> x_, y_, z_, t_, raw_, tau_, alpha_, decay_;
-    std::vector<float> features_, slope_, suffix_;
+    std::vector<float> features_, slope_;
+    std::vector<CompositeRayBackward> behind_;
     TraceCounters counters_;
 };
 
