@@ -106,22 +106,22 @@ TEST_CASE("gradients of density and features agree with central differences thro
     // Single precision sums of ~40 rays carry about 1e-6 of the loss (order 10); over a step of 2 * 0.02 that is
     // 2e-4, and the curvature over 0.02 adds about 1e-4 of a slope: 1 % of the largest slope is safe and sharp.
     int n_checked = 0, n_wrong = 0;
-    for (std::size_t i = 0; i < dl_ddensity.size(); i += 7) {
+    for (std::size_t i = 0; i < dl_ddensity.size(); i += 3) {
         if (std::abs(dl_ddensity[i]) < 0.02 * largest_density) continue;
         const double expected = difference(field.density()[i], 0.02f);
         n_wrong += std::abs(expected - dl_ddensity[i]) > 0.01 * largest_density;
         ++n_checked;
     }
-    CHECK(n_checked > 50);
+    CHECK(n_checked > 40);
     CHECK(n_wrong == 0);
     n_checked = n_wrong = 0;
-    for (std::size_t i = 0; i < dl_dfeatures.size(); i += 29) {
+    for (std::size_t i = 0; i < dl_dfeatures.size(); i += 7) {
         if (std::abs(dl_dfeatures[i]) < 0.02 * largest_feature) continue;
         const double expected = difference(field.features()[i], 0.1f);
         n_wrong += std::abs(expected - dl_dfeatures[i]) > 0.01 * largest_feature;
         ++n_checked;
     }
-    CHECK(n_checked > 50);
+    CHECK(n_checked > 40);
     CHECK(n_wrong == 0);
 }
 
