@@ -116,11 +116,10 @@ void runTrain(const TrainWords& words) {
                        {"views", dataset.views.size()},
                        {"interrupted", result.interrupted},
                        {"notes", result.notes}};
-    std::string text;
-    for (const std::string& note : result.notes) text += note + "\n";
-    text += formatted("%s: %lld steps, %.2f dB on the training rays, %zu active voxels, %s\n", out.c_str(),
-                      static_cast<long long>(result.steps), result.model.info.train_psnr, result.active_voxels,
-                      sizeText(static_cast<double>(std::filesystem::file_size(out))).c_str());
+    std::string text =
+        formatted("%s: %lld steps, %.2f dB on the training rays, %zu active voxels, %s\n", out.c_str(),
+                  static_cast<long long>(result.steps), result.model.info.train_psnr, result.active_voxels,
+                  sizeText(static_cast<double>(std::filesystem::file_size(out))).c_str());
     text += formatted("%s in all, at most %s of memory\n", durationText(seconds).c_str(),
                       sizeText(static_cast<double>(peakMemoryBytes())).c_str());
     words.shared.finish(json, text);
