@@ -17,7 +17,7 @@ struct Worker {
     KeptSamples kept;
     Decoder::Workspace decoding;
     std::vector<float> rgb = std::vector<float>(3 * kTile * kTile);
-    std::vector<float> depth = std::vector<float>(kTile * kTile);
+    std::vector<float> depth = std::vector<float>(kTile * kTile), weight = std::vector<float>(kTile * kTile);
     std::vector<Vec3f> slope = std::vector<Vec3f>(kTile * kTile);
 };
 
@@ -76,9 +76,13 @@ RenderedImage Renderer::render(const Camera& camera) const {
                                worker.decoding);
 
         const KeptSamples& kept = worker.kept;
+        // The mean over kept samples: what was dropped has opacity, but no place.
         std::fill(worker.depth.begin(), worker.depth.end(), 0.0f);
-        for (int i = 0; i < kept.n; ++i)
+        std::fill(worker.weight.begin(), worker.weight.end(), 0.0f);
+        for (int i = 0; i < kept.n; ++i) {
             worker.depth[kept.ray[i]] += kept.weight[i] * (kept.t[i] + tracer.entry()[kept.ray[i]]);
+            worker.weight[kept.ray[i]] += kept.weight[i];
+        }
         if (options_.normals) {
             std::fill(worker.slope.begin(), worker.slope.end(), Vec3f::Zero());
             for (int i = 0; i < kept.n; ++i)
@@ -93,7 +97,8 @@ RenderedImage Renderer::render(const Camera& camera) const {
                     result.rgb.at(x, y)[c] =
                         opacity * worker.rgb[3 * r + c] + (1 - opacity) * model_.background[c];
                 *result.opacity.at(x, y) = opacity;
-                *result.depth.at(x, y) = opacity > 0 ? worker.depth[r] / opacity * voxel_size : 0.0f;
+                const float weight = worker.weight[r];
+                *result.depth.at(x, y) = weight > 0 ? worker.depth[r] / weight * voxel_size : 0.0f;
                 if (options_.normals) {
                     const float length = worker.slope[r].norm();
                     for (int c = 0; c < 3; ++c)

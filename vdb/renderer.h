@@ -18,7 +18,7 @@ struct RenderOptions {
 struct RenderedImage {
     Image rgb;      // 3 channels, sRGB values over the model's background
     Image opacity;  // 1 channel, 1 - transmittance
-    Image depth;    // 1 channel, distance along the ray averaged by weight, world units; 0 where nothing was hit
+    Image depth;    // 1 channel, distance along the ray averaged by weight, world units; 0 where nothing counts
     Image normal;   // 3 channels in [-1, 1], world axes, averaged by weight, unit length; only with options.normals
     TraceCounters counters;
 };

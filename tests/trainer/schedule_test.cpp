@@ -73,6 +73,16 @@ TEST_CASE("more rays never mean fewer levels, and a plan has the levels that its
         }
 }
 
+TEST_CASE("no level is left before a step has looked at it: what no ray has seen is not refined") {
+    for (std::int64_t total = 1; total <= 3000; ++total) {
+        const std::vector<Stage> stages = stagesForSteps(total, kMaxLevels);
+        for (const Stage& stage : stages) {
+            CAPTURE(total, stage.level);
+            REQUIRE((stage.steps >= 1 || stage.level == stages.back().level));
+        }
+    }
+}
+
 TEST_CASE("steps planned for a time take that time by the cost model") {
     for (const std::size_t first : {0, 2}) {
         std::vector<Stage> stages = defaultStages(kMaxLevels);
