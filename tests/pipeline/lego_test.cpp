@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A few steps on a real data set, where it is at hand: enough to see that learning works, too few for fine detail.
+// A few steps on a real data set, where it is at hand: enough to see that learning works, too few for fine
+// detail.
 #include "tests/support/catch.h"
 #include "tests/support/data.h"
 #include "trainer/evaluate.h"
@@ -21,6 +22,5 @@ TEST_CASE("300 steps on lego reach a stated quality on held-out views", "[slow]"
     const Evaluation evaluation =
         evaluate(result.model, readDataset(lego, Split::test, {}, silent), every_50th, silent);
     REQUIRE(evaluation.views.size() == 4);
-    WARN("psnr " << evaluation.psnr);
-    CHECK(evaluation.psnr > 0.0);  // measured: less one, for seeds and instruction sets
+    CHECK(evaluation.psnr > 23.1);  // dB; measured 24.1, less one for other instruction sets and small changes
 }

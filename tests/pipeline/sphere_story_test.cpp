@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The whole story on the smallest scene: photographs in, a model that shows held-out views, a file that repeats it,
-// a volume and a mesh out.
+// The whole story on the smallest scene: photographs in, a model that shows held-out views, a file that repeats
+// it, a volume and a mesh out.
 #include <openvdb/openvdb.h>
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <string>
+#include <vector>
 
 #include "core/atomic_file.h"
 #include "core/parallel.h"
@@ -24,8 +26,8 @@ using namespace nerfvdb;
 
 namespace {
 
-constexpr double kRadius = 0.8;     // of the ball that `synth sphere` shows
-constexpr double kLeastPsnr = 0.0;  // dB
+constexpr double kRadius = 0.8;      // of the ball that `synth sphere` shows
+constexpr double kLeastPsnr = 32.0;  // dB; measured 33.0, less one for other instruction sets and small changes
 
 Model trained(int threads) {
     static const Dataset dataset = test::sphereDataset(Split::train, 24, 100);
@@ -63,8 +65,8 @@ void checkVolume(const Model& model, const std::filesystem::path& path) {
             ++wrong;
             continue;
         }
-        const std::size_t voxel = static_cast<std::size_t>(leaf) * kLeafVoxels +
-                                  brickOffset(ijk.x() & 7, ijk.y() & 7, ijk.z() & 7);
+        const std::size_t voxel =
+            static_cast<std::size_t>(leaf) * kLeafVoxels + brickOffset(ijk.x() & 7, ijk.y() & 7, ijk.z() & 7);
         const float expected =
             volumeSigma(field.density()[voxel], field.densityScale(), field.frame().voxel_size);
         wrong += !(std::abs(*value - expected) <= expected / 2048);  // half precision
@@ -72,6 +74,8 @@ void checkVolume(const Model& model, const std::filesystem::path& path) {
     CHECK(wrong == 0);
 }
 
+/// The mesh is closed, and its outside lies within a voxel of the ball wherever cameras look. (Nobody sees the
+/// ball from below, nor its inside, where training leaves holes.)
 void checkMesh(const Model& model) {
     Report silent;
     Mesh mesh = extractSurface(model, {}, silent);
@@ -79,15 +83,25 @@ void checkMesh(const Model& model) {
     const MeshMeasures measures = measureMesh(mesh);
     CHECK(measures.closed());
     CHECK(measures.degenerate_faces == 0);
-    const double voxel = model.field.frame().voxel_size;
-    double mean = 0;
-    std::size_t n_outside = 0;  // farther than a voxel from the ball's surface
+
+    // The outermost vertex in each of many patches of equal area on the upper half.
+    constexpr int kRings = 12, kSectors = 36;
+    std::vector<double> outermost(kRings * kSectors, 0.0);
     for (const Vec3f& position : mesh.positions) {
-        mean += position.norm() / static_cast<double>(mesh.positions.size());
-        n_outside += std::abs(position.norm() - kRadius) > voxel;
+        const Vec3d p = position.cast<double>();
+        if (p.z() < 0) continue;
+        const int ring = std::min(kRings - 1, static_cast<int>(kRings * p.z() / p.norm()));
+        const double turn = std::atan2(p.y(), p.x()) / (2 * std::numbers::pi) + 0.5;
+        double& radius = outermost[ring * kSectors + std::min(kSectors - 1, static_cast<int>(kSectors * turn))];
+        radius = std::max(radius, p.norm());
     }
-    WARN("radius " << mean << " voxel " << voxel << " outside " << n_outside << " of " << mesh.positions.size() << " euler " << measures.euler);
-    CHECK(mean == Approx(kRadius).margin(voxel));
+    const double voxel = model.field.frame().voxel_size;
+    const auto n_low = std::count_if(outermost.begin(), outermost.end(),
+                                     [&](double radius) { return radius < kRadius - voxel; });
+    // Measured 1 of 432: so few steps leave a dark spot softer than the iso level. Two in a hundred are
+    // allowed.
+    CHECK(n_low <= kRings * kSectors / 50);
+    CHECK(*std::max_element(outermost.begin(), outermost.end()) < kRadius + voxel);
 }
 
 }  // namespace
@@ -96,7 +110,6 @@ TEST_CASE("the sphere's whole story: learn, show, save, load, export, mesh; the 
     const TempDir dir;
     const Model model = trained(2);
     const double psnr = heldOutPsnr(model);
-    WARN("psnr " << psnr);
     CHECK(psnr > kLeastPsnr);
 
     saveModel(model, dir / "model.vdb");
