@@ -50,7 +50,6 @@ void describeModel(const InfoWords& words) {
                        {"file_bytes", file_bytes},
                        {"schedule", model.info.schedule},
                        {"seed", model.info.seed},
-                       {"preset", model.info.preset},
                        {"train_psnr", model.info.train_psnr}};
     const std::string text =
         formatted("model: density and %d features a voxel, %zu decoder parameters\n", field.channels(),
@@ -64,8 +63,8 @@ void describeModel(const InfoWords& words) {
                   model.background.z()) +
         "memory: " + sizeText(static_cast<double>(field.bytes())) +
         ", file: " + sizeText(static_cast<double>(file_bytes)) + "\n" +
-        formatted("trained: preset %s, seed %llu, steps %s, %.2f dB on the training rays\n",
-                  model.info.preset.c_str(), static_cast<unsigned long long>(model.info.seed),
+        formatted("trained: seed %llu, steps %s, %.2f dB on the training rays\n",
+                  static_cast<unsigned long long>(model.info.seed),
                   model.info.schedule.c_str(), model.info.train_psnr);
     words.shared.finish(json, text);
 }

@@ -112,7 +112,7 @@ void runTrain(const TrainWords& words) {
                        {"active_voxels", result.active_voxels},
                        {"model_bytes", std::filesystem::file_size(out)},
                        {"peak_memory_bytes", peakMemoryBytes()},
-                       {"seed", options.seed},
+                       {"seed", result.model.info.seed},
                        {"views", dataset.views.size()},
                        {"interrupted", result.interrupted},
                        {"notes", result.notes}};

@@ -99,7 +99,6 @@ Model sampleScene(const SyntheticScene& scene, int resolution) {
     });
     model.decoder = Decoder(kChannels, 0);
     std::ranges::fill(model.decoder.parameters(), 0.0f);
-    model.info.preset = "truth";
     return model;
 }
 

@@ -15,7 +15,6 @@ namespace nerfvdb {
 struct ModelInfo {
     std::string schedule;       // steps per stage, such as "120,300,900,2400": replays the run with --steps
     std::uint64_t seed = 0;
-    std::string preset;
     double train_psnr = 0;      // running mean at the end, dB
 };
 

@@ -12,7 +12,7 @@
 //   nerfvdb_background      vec3s    sRGB values
 //   nerfvdb_channels        int32    features per voxel
 //   nerfvdb_decoder_widths  string   layer widths, "35,64,64,3"
-//   nerfvdb_schedule, nerfvdb_preset string; nerfvdb_seed int64; nerfvdb_train_psnr double
+//   nerfvdb_schedule string; nerfvdb_seed int64; nerfvdb_train_psnr double
 // Learned values are bytes of the type "nerfvdb_bytes", little-endian:
 //   nerfvdb_cells           cells of the topology (field_codec.h)
 //   nerfvdb_values          raw density and features of active voxels (field_codec.h)
@@ -236,7 +236,6 @@ void saveModel(const Model& model, const std::filesystem::path& path) {
     facts.insertMeta("nerfvdb_decoder_widths", openvdb::StringMetadata(widthsText(model.decoder.shape())));
     facts.insertMeta("nerfvdb_schedule", openvdb::StringMetadata(model.info.schedule));
     facts.insertMeta("nerfvdb_seed", openvdb::Int64Metadata(static_cast<std::int64_t>(model.info.seed)));
-    facts.insertMeta("nerfvdb_preset", openvdb::StringMetadata(model.info.preset));
     facts.insertMeta("nerfvdb_train_psnr", openvdb::DoubleMetadata(model.info.train_psnr));
     insertBytes(facts, "nerfvdb_cells", encodeTopology(field.topology()));
     insertBytes(facts, "nerfvdb_values", encodeValues(field, steps));
@@ -264,7 +263,6 @@ Model loadModel(const std::filesystem::path& path) {
         model.background = Vec3f(background.x(), background.y(), background.z());
         model.info.schedule = facts.get<std::string>("nerfvdb_schedule");
         model.info.seed = static_cast<std::uint64_t>(facts.get<std::int64_t>("nerfvdb_seed"));
-        model.info.preset = facts.get<std::string>("nerfvdb_preset");
         model.info.train_psnr = facts.get<double>("nerfvdb_train_psnr");
         return model;
     } catch (const openvdb::Exception& error) {

@@ -47,8 +47,9 @@ void RayTracer::addRay(const TraceScene& scene, const Ray& ray, float step_voxel
     const Vec3d origin = scene.frame.indexFromWorld(ray.origin);
     double t_enter = 0, t_leave = std::numeric_limits<double>::infinity();
     for (int axis = 0; axis < 3; ++axis) {
-        // A ray along a face divides by zero: the infinities order themselves, and NaN (0 / 0) loses every
-        // comparison below, which leaves the other axes to decide.
+        // A ray parallel to a face divides by zero: the infinities order themselves. One that runs in a face is
+        // 0 / 0 there: on the lower face NaN loses every comparison and the other axes decide; on the upper face,
+        // behind which no cell lies, the ray misses.
         const double inverse = 1.0 / ray.direction[axis];
         const double a = (0.0 - origin[axis]) * inverse, b = (scene.box_max[axis] - origin[axis]) * inverse;
         t_enter = std::max(t_enter, std::min(a, b));

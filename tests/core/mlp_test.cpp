@@ -6,6 +6,7 @@
 
 #include "core/simd/kernels.h"
 #include "tests/support/catch.h"
+#include "tests/support/central_difference.h"
 #include "tests/support/random_field.h"
 
 using namespace nerfvdb;
@@ -52,13 +53,7 @@ struct SlowMlp {
     /// rounding is left: 1e-16 * 100 / 1e-7.
     double derivative(double& variable) const {
         constexpr double kStep = 1e-7;
-        const double before = variable;
-        variable = before + kStep;
-        const double up = loss();
-        variable = before - kStep;
-        const double down = loss();
-        variable = before;
-        return (up - down) / (2 * kStep);
+        return test::centralDifference([&] { return loss(); }, variable, kStep);
     }
 };
 

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "export/mesh_io.h"
 
-#include <sys/resource.h>
-
-#include <csignal>
 #include <cstring>
 #include <fstream>
 #include <sstream>
@@ -11,6 +8,7 @@
 #include "core/atomic_file.h"
 #include "core/error.h"
 #include "tests/support/catch.h"
+#include "tests/support/small_disk.h"
 #include "tests/support/temp_dir.h"
 
 using namespace nerfvdb;
@@ -30,25 +28,6 @@ Mesh smallMesh() {
 void writeBytes(const std::filesystem::path& path, const std::string& bytes) {
     std::ofstream(path, std::ios::binary) << bytes;
 }
-
-/// Files that would grow beyond `bytes` fail to, as on a full disk.
-class FileSizeLimit {
-public:
-    explicit FileSizeLimit(rlim_t bytes) : signal_(std::signal(SIGXFSZ, SIG_IGN)) {
-        getrlimit(RLIMIT_FSIZE, &before_);
-        rlimit now = before_;
-        now.rlim_cur = bytes;
-        setrlimit(RLIMIT_FSIZE, &now);
-    }
-    ~FileSizeLimit() {
-        setrlimit(RLIMIT_FSIZE, &before_);
-        std::signal(SIGXFSZ, signal_);
-    }
-
-private:
-    rlimit before_{};
-    void (*signal_)(int);
-};
 
 }  // namespace
 
@@ -136,7 +115,7 @@ TEST_CASE("a file that cannot be written leaves the old one as it was", "[export
         Mesh mesh = smallMesh();
         for (int i = 0; i < 10000; ++i) mesh.triangles.push_back({0, 1, 2});
         {
-            const FileSizeLimit full_disk(50000);
+            const SmallDisk full_disk(50000);
             CHECK_THROWS_AS(writeMesh(folder / name, mesh), IoError);
         }
         CHECK(readFile(folder / name) == "old");

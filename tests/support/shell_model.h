@@ -51,7 +51,7 @@ inline Model shellModel(int n = 48, int channels = 8, float feature_scale = 1.0f
         });
     model.decoder = Decoder(channels, 5);
     model.background = Vec3f(0.25f, 0.5f, 1.0f);
-    model.info = {"120,300,900", 0xfedcba9876543210ull, "fast", 31.25};
+    model.info = {"120,300,900", 0xfedcba9876543210ull, 31.25};
     return model;
 }
 

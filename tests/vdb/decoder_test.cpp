@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/spherical_harmonics.h"
 #include "tests/support/catch.h"
+#include "tests/support/central_difference.h"
 #include "tests/support/random_field.h"
 
 using namespace nerfvdb;
@@ -75,13 +76,7 @@ struct Checked {
     }
     double derivative(double& variable) const {
         constexpr double kStep = 1e-6;  // curvature adds 1e-12, rounding 1e-16 * 10 / 1e-6
-        const double before = variable;
-        variable = before + kStep;
-        const double up = loss();
-        variable = before - kStep;
-        const double down = loss();
-        variable = before;
-        return (up - down) / (2 * kStep);
+        return test::centralDifference([&] { return loss(); }, variable, kStep);
     }
 };
 
