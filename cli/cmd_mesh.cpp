@@ -15,7 +15,7 @@ namespace {
 struct MeshWords {
     std::string model, out, iso = "auto";
     IslandOptions islands;
-    bool no_colours = false;
+    bool no_colours = false, fill_inside = false;
     SharedOptions shared;
 };
 
@@ -25,6 +25,7 @@ void runMesh(const MeshWords& words) {
     prepareOutputFile("--out", words.out);
     MeshOptions options;
     options.colours = !words.no_colours;
+    options.fill_inside = words.fill_inside;
     if (words.iso != "auto") {
         double iso = 0;
         if (!CLI::detail::lexical_cast(words.iso, iso))
@@ -80,6 +81,8 @@ Command addMesh(CLI::App& program) {
     app.add_option("--min-faces", words->islands.min_faces, "Drop pieces of fewer triangles")
         ->check(CLI::PositiveNumber)
         ->type_name("N");
+    app.add_flag("--fill-inside", words->fill_inside,
+                 "Make bodies solid: no surfaces of cavities that nothing leads into from outside");
     app.add_flag("--no-colours", words->no_colours, "Leave out the vertex colours");
     words->shared.add(app, "  nerfvdb mesh lego.vdb --out lego.ply");
     return {&app, [words] { runMesh(*words); }};

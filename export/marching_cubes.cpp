@@ -12,6 +12,7 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "export/fill_inside.h"
 #include "export/surface_blocks.h"
 #include "export/vertex_colours.h"
 
@@ -25,10 +26,11 @@ constexpr float kOffCorner = 0x1p-10f;
 
 /// Slope of the raw density at a voxel along an axis, per voxel. `is_known_only`: differences with voxels that
 /// hold nothing are left out: their kEmptyRaw tells where the known region ends, not how the surface is turned.
+/// Differences with filled voxels, whose density means nothing, are always left out.
 float slopeAt(const float* value, int axis, bool is_known_only) {
     const float below = value[-BlockValues::kStride[axis]], above = value[BlockValues::kStride[axis]];
-    const bool use_below = !is_known_only || below != kEmptyRaw;
-    const bool use_above = !is_known_only || above != kEmptyRaw;
+    const bool use_below = below != kFilledRaw && (!is_known_only || below != kEmptyRaw);
+    const bool use_above = above != kFilledRaw && (!is_known_only || above != kEmptyRaw);
     const float sum = (use_above ? above - *value : 0) + (use_below ? *value - below : 0);
     return use_above && use_below ? 0.5f * sum : sum;
 }
@@ -197,7 +199,7 @@ Mesh extractSurface(const Model& model, const MeshOptions& options, Report& repo
     const double iso = options.iso.value_or(automaticIso(field));
     const float iso_raw = rawFromSigma(iso, field.densityScale());
     checkIso(iso, iso_raw, field.densityScale());
-    const Surface surface = cutField(field, iso_raw);
+    Surface surface = cutField(field, iso_raw);
     // The activation clamps: sigma never exceeds its value at kMaxRaw.
     if (iso_raw > std::min(surface.largest_raw, kMaxRaw))
         throw NumericError(
@@ -207,6 +209,9 @@ Mesh extractSurface(const Model& model, const MeshOptions& options, Report& repo
     report.info("mesh: surface at density " + text(iso) + " per world unit" +
                 (options.iso ? "" : " (half of the light stopped over one voxel)"));
     warnIfCoarse(field, report);
+    if (options.fill_inside)
+        report.info("mesh: " + std::to_string(fillInside(surface)) +
+                    " voxels inside of closed surfaces are filled");
 
     const BlockList blocks(surface);
     Mesh mesh;

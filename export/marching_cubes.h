@@ -14,6 +14,8 @@ struct MeshOptions {
     /// Extinction at the surface, 1 / world unit, positive. Absent: automaticIso.
     std::optional<double> iso;
     bool colours = true;  // ask the model for a colour per vertex; costs one network evaluation each
+    /// Bodies become solid: no surface where the outside does not reach (see fill_inside.h).
+    bool fill_inside = false;
 };
 
 /// The extinction that stops half of the light over one voxel: ln 2 / voxel_size, in 1 / world unit.

@@ -21,7 +21,7 @@ constexpr std::size_t kLeavesPerTask = 32;
 Surface cutField(const VoxelField& field, float iso) {
     const Topology& topology = field.topology();
     const std::size_t n_leaves = topology.leafCount();
-    Surface surface{field, iso, std::vector<LeafMask>(n_leaves), -std::numeric_limits<float>::infinity()};
+    Surface surface{field, iso, std::vector<LeafMask>(n_leaves), -std::numeric_limits<float>::infinity(), {}};
     std::vector<float> largest(n_leaves, surface.largest_raw);
     std::atomic<bool> is_absurd = false;
     parallelRanges(n_leaves, kLeavesPerTask, [&](std::size_t begin, std::size_t end) {
@@ -44,11 +44,13 @@ Surface cutField(const VoxelField& field, float iso) {
 }
 
 CornerRows::CornerRows(const Surface& surface, const Vec3i& leaf) {
+    static constexpr std::uint64_t kAll = ~std::uint64_t{0};
+    static constexpr LeafMask kEnclosed{kAll, kAll, kAll, kAll, kAll, kAll, kAll, kAll};
     for (int corner = 0; corner < 8; ++corner) {
         const Vec3i step = cornerStep(corner);
         const int number = surface.field.topology().findLeaf(leaf + step);
-        if (number < 0) continue;
-        const LeafMask& mask = surface.inside[number];
+        if (number < 0 && !surface.enclosed.contains(leaf + step)) continue;
+        const LeafMask& mask = number < 0 ? kEnclosed : surface.inside[number];
         for (int x = 0; x < (step.x() ? 1 : kLeafDim); ++x)
             for (int y = 0; y < (step.y() ? 1 : kLeafDim); ++y) {
                 const unsigned bits = mask[x] >> (8 * y) & 0xff;
@@ -64,17 +66,23 @@ void BlockValues::gather() {
     values_.fill(kEmptyRaw);
     for (int i = 0; i < 27; ++i) {
         const int block[3] = {i / 9, i / 3 % 3, i % 3};
-        const int number = topology.findLeaf(leaf_ + Vec3i(block[0] - 1, block[1] - 1, block[2] - 1));
-        if (number < 0) continue;
-        const float* brick = &surface_.field.density()[static_cast<std::size_t>(number) * kLeafVoxels];
-        const LeafMask& active = topology.voxels()[number];
+        const Vec3i leaf = leaf_ + Vec3i(block[0] - 1, block[1] - 1, block[2] - 1);
+        const int number = topology.findLeaf(leaf);
+        const bool is_enclosed = number < 0 && surface_.enclosed.contains(leaf);
+        if (number < 0 && !is_enclosed) continue;
+        const float* brick =
+            is_enclosed ? nullptr : &surface_.field.density()[number * std::size_t{kLeafVoxels}];
         for (int x = 0; x < kCount[block[0]]; ++x)
             for (int y = 0; y < kCount[block[1]]; ++y) {
                 const int offset = brickOffset(kFirst[block[0]] + x, kFirst[block[1]] + y, kFirst[block[2]]);
                 float* row = &values_[(kPlace[block[0]] + x) * kStride[0] +
                                       (kPlace[block[1]] + y) * kStride[1] + kPlace[block[2]]];
-                for (int z = 0; z < kCount[block[2]]; ++z)
-                    if (testBit(active, offset + z)) row[z] = brick[offset + z];
+                for (int z = 0; z < kCount[block[2]]; ++z) {
+                    if (!is_enclosed && testBit(topology.voxels()[number], offset + z))
+                        row[z] = brick[offset + z];
+                    const bool is_inside = is_enclosed || testBit(surface_.inside[number], offset + z);
+                    if (is_inside && row[z] < surface_.iso) row[z] = kFilledRaw;
+                }
             }
     }
     is_gathered_ = true;

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The part of a field that marching cubes reads at a time: the cells of one leaf's place, their corners inside
 // or outside, and the densities around them. Outside the active voxels the field holds kEmptyRaw.
+// What fill_inside.h adds to the inside has no density that means anything: it reads as kFilledRaw.
 #pragma once
 
 #include <array>
 #include <bit>
 #include <cstdint>
+#include <limits>
 #include <vector>
 
 #include "export/marching_cubes_table.h"
@@ -22,12 +24,41 @@ void forEachBit(std::uint64_t word, const Visit& visit) {
     for (; word; word &= word - 1) visit(std::countr_zero(word));
 }
 
+inline constexpr float kFilledRaw = std::numeric_limits<float>::infinity();  // above every iso, like no density
+
+/// A set of leaf coordinates inside a box: one bit for each.
+class LeafSet {
+public:
+    LeafSet() = default;  // empty, of an empty box
+    explicit LeafSet(const Vec3i& dims_in_voxels)
+        : dims_(dims_in_voxels / kLeafDim), bits_(dims_.cast<std::size_t>().prod(), false) {}
+
+    bool contains(const Vec3i& leaf) const { return isInBox(leaf) && bits_[place(leaf)]; }
+    /// True if the leaf lies in the box and was not in the set before.
+    bool insert(const Vec3i& leaf) {
+        if (!isInBox(leaf) || bits_[place(leaf)]) return false;
+        return bits_[place(leaf)] = true;
+    }
+
+private:
+    bool isInBox(const Vec3i& leaf) const {
+        return (leaf.array() >= 0).all() && (leaf.array() < dims_.array()).all();
+    }
+    std::size_t place(const Vec3i& leaf) const {
+        return (static_cast<std::size_t>(leaf.x()) * dims_.y() + leaf.y()) * dims_.z() + leaf.z();
+    }
+
+    Vec3i dims_ = Vec3i::Zero();
+    std::vector<bool> bits_;
+};
+
 /// A field cut at a raw density, and the voxels inside.
 struct Surface {
     const VoxelField& field;
     float iso;                     // raw density
-    std::vector<LeafMask> inside;  // [leaf] active voxels with raw >= iso
+    std::vector<LeafMask> inside;  // [leaf] active voxels with raw >= iso, and what was filled
     float largest_raw;             // of all active voxels; -infinity without any
+    LeafSet enclosed;              // places without a leaf that were filled
 };
 
 /// Throws NumericError when the density of an active voxel is not finite or beyond 1e15.

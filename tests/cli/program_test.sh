@@ -203,7 +203,7 @@ JSON
     expect 2 export model.vdb --out model.vdb
     expect 0 mesh model.vdb --out mesh.ply --json -
     has_keys out vertices faces iso closed
-    expect 0 mesh model.vdb --out mesh.obj --no-colours --keep-largest 1
+    expect 0 mesh model.vdb --out mesh.obj --no-colours --keep-largest 1 --fill-inside
     [[ -s volume.vdb && -s mesh.ply && -s mesh.obj ]] || fail "an export is missing"
     expect 1 info volume.vdb
     says err "volume.vdb"

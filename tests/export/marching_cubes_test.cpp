@@ -2,7 +2,6 @@
 #include "export/marching_cubes.h"
 
 #include <algorithm>
-#include <cstring>
 #include <map>
 #include <set>
 
@@ -12,24 +11,12 @@
 #include "export/vertex_colours.h"
 #include "tests/support/catch.h"
 #include "tests/support/grid_field.h"
+#include "tests/support/meshing.h"
 
 using namespace nerfvdb;
 using namespace nerfvdb::test;
 
 namespace {
-
-constexpr MeshOptions kPlain{.iso = 1.0, .colours = false};  // with density_scale 1: raw iso 0
-
-Mesh extract(const Model& model, const MeshOptions& options = kPlain) {
-    Report silent;
-    return extractSurface(model, options, silent);
-}
-
-Model modelOf(Topology topology, const GridFrame& frame = {}) {
-    Model model;
-    model.field = VoxelField(std::move(topology), frame, 0, 1.0);
-    return model;
-}
 
 /// Random numbers in order, for tests only.
 struct Dice {
@@ -38,52 +25,6 @@ struct Dice {
     float unit() { return unitFloat(static_cast<std::uint32_t>(randomBits(seed, 0, n++) >> 32)); }
     float between(float low, float high) { return low + (high - low) * unit(); }
 };
-
-/// Around every vertex the triangles form one ring.
-bool isVertexManifold(const Mesh& mesh) {
-    struct Link {
-        std::uint32_t vertex, from, to;
-    };
-    std::vector<Link> links;
-    for (const Triangle& t : mesh.triangles)
-        for (int k = 0; k < 3; ++k) links.push_back({t[k], t[(k + 1) % 3], t[(k + 2) % 3]});
-    std::sort(links.begin(), links.end(), [](const Link& a, const Link& b) {
-        return std::tie(a.vertex, a.from) < std::tie(b.vertex, b.from);
-    });
-    for (auto begin = links.begin(); begin != links.end();) {
-        const auto end =
-            std::find_if(begin, links.end(), [&](const Link& l) { return l.vertex != begin->vertex; });
-        std::uint32_t at = begin->from;
-        std::ptrdiff_t n = 0;
-        do {
-            const auto next = std::find_if(begin, end, [&](const Link& l) { return l.from == at; });
-            if (next == end) return false;
-            at = next->to;
-        } while (++n <= end - begin && at != begin->from);
-        if (n != end - begin) return false;
-        begin = end;
-    }
-    return true;
-}
-
-bool hasDuplicateFaces(const Mesh& mesh) {
-    std::vector<std::array<std::uint32_t, 3>> faces;
-    for (const Triangle& t : mesh.triangles) {
-        faces.push_back({t[0], t[1], t[2]});
-        std::sort(faces.back().begin(), faces.back().end());
-    }
-    std::sort(faces.begin(), faces.end());
-    return std::adjacent_find(faces.begin(), faces.end()) != faces.end();
-}
-
-bool sameBytes(const Mesh& a, const Mesh& b) {
-    const auto same = [](const auto& u, const auto& v) {
-        return u.size() == v.size() &&
-               (u.empty() || std::memcmp(u.data(), v.data(), u.size() * sizeof(u[0])) == 0);
-    };
-    return same(a.positions, b.positions) && same(a.normals, b.normals) && same(a.colours, b.colours) &&
-           same(a.triangles, b.triangles);
-}
 
 /// Euler characteristic of the iso-surface at raw 0, from the field alone: crossed edges, minus segments on
 /// faces, plus one disc per loop on each cube. A cube's loops are the borders between the pieces of its
@@ -133,20 +74,6 @@ std::int64_t eulerOfField(const VoxelField& field, const Vec3i& low, const Vec3i
                 if (is_mixed) n_loops += std::set<int>(piece.begin(), piece.end()).size() - 1;
             }
     return n_edges - n_segments + n_loops;
-}
-
-/// Everything that must hold for any surface; returns a complaint or nothing.
-std::string complaint(const Mesh& mesh) {
-    const MeshMeasures m = measureMesh(mesh);
-    if (m.open_edges) return "open edges";
-    if (m.bad_edges) return "edges without exactly two opposite triangles";
-    if (m.degenerate_faces) return "degenerate faces";
-    if (hasDuplicateFaces(mesh)) return "duplicate faces";
-    if (!isVertexManifold(mesh)) return "a vertex with more than one ring";
-    if (!(m.volume > 0)) return "volume not positive";
-    for (const Vec3f& n : mesh.normals)
-        if (!(std::abs(n.norm() - 1) < 1e-5f)) return "a normal that is not unit";  // float rounding
-    return {};
 }
 
 /// raw = sharpness * (radius - distance to centre), voxels; cells of a band around the surface and inside it.
