@@ -93,27 +93,37 @@ Box cameraBox(const Dataset& dataset) {
 }
 
 /// Reads the split without pictures; an absent one gives nothing, unless it is the one that training needs.
-std::optional<Dataset> readSplit(const std::filesystem::path& path, Split split, Report& report) {
+std::optional<Dataset> readSplit(const std::filesystem::path& path, Split split) {
+    Report silent;  // warnings are part of the answer here
     try {
-        return readDataset(path, split, {.strict = false, .load_photos = false}, report);
+        return readDataset(path, split, {.strict = false, .load_photos = false}, silent);
     } catch (const Error&) {
         if (split == Split::train) throw;
         return std::nullopt;
     }
 }
 
+bool haveSameViews(const Dataset& a, const Dataset& b) {
+    return std::equal(a.views.begin(), a.views.end(), b.views.begin(), b.views.end(),
+                      [](const View& u, const View& v) { return u.path == v.path; });
+}
+
 void describeDataset(const InfoWords& words) {
     constexpr std::pair<Split, const char*> kSplits[] = {
         {Split::train, "train"}, {Split::val, "val"}, {Split::test, "test"}};
-    Report silent;  // warnings are part of the answer here
     Json json = {
         {"command", "info"}, {"kind", "data"}, {"splits", Json::object()}, {"warnings", Json::array()}};
     std::string text = "data set: " + words.path + "\n";
     std::vector<std::string> warnings;
+    const std::optional<Dataset> test = readSplit(words.path, Split::test);
     for (const auto& [split, name] : kSplits) {
-        const std::optional<Dataset> dataset = readSplit(words.path, split, silent);
+        const std::optional<Dataset> dataset = split == Split::test ? test : readSplit(words.path, split);
         if (!dataset || dataset->views.empty()) {
             text += std::string(name) + ": none\n";
+            continue;
+        }
+        if (split == Split::val && test && haveSameViews(*dataset, *test)) {
+            text += "val: none of its own; test serves\n";
             continue;
         }
         const Camera& first = dataset->views.front().camera;

@@ -87,6 +87,7 @@ public:
 private:
     void chooseBackground();
     void planFromOptions();
+    void checkFinestVoxel(const Box& box, double coarsest_voxel) const;
     void replanForTime();
     bool runStage();  // false: the user asked to stop
     void stepOnce();
@@ -113,6 +114,7 @@ private:
     TraceOptions trace_;
     int max_levels_ = kMaxLevels;
     bool plans_time_ = false;
+    bool has_checkpoint_ = false;  // of this run, in its file
     std::vector<std::string> notes_;
 
     // Of the clock; nothing that is learned depends on these.
@@ -148,11 +150,13 @@ void Training::start() {
     chooseBackground();
     max_levels_ = usefulLevels(dataset_, box, grid.frame.voxel_size);
     planFromOptions();
+    checkFinestVoxel(box, grid.frame.voxel_size);
     updateOccupancy();
 }
 
 void Training::resume() {
     loadCheckpoint(checkpoint_, state_, place_);
+    has_checkpoint_ = true;
     if (place_.n_views != static_cast<int>(dataset_.views.size()))
         throw DataError(checkpoint_.string(), "training on " + std::to_string(place_.n_views) + " views",
                         std::to_string(dataset_.views.size()) + " as in the data set",
@@ -198,6 +202,18 @@ void Training::planFromOptions() {
         plans_time_ = true;
     }
     if (!plans_time_) report_.info("plan: " + scheduleText(place_.stages) + " steps");
+}
+
+/// What could never be saved is not trained.
+void Training::checkFinestVoxel(const Box& box, double coarsest_voxel) const {
+    const int level = plans_time_ ? max_levels_ - 1 : place_.stages.back().level;
+    const double finest = coarsest_voxel / (1 << level);
+    if (finest >= kSmallestVoxel) return;
+    char found[96], expected[64];
+    std::snprintf(found, sizeof found, "a box %.3g world units long, with voxels of %.3g", box.size().maxCoeff(), finest);
+    std::snprintf(expected, sizeof expected, "voxels of at least %g, as a .vdb can say", kSmallestVoxel);
+    throw DataError(options_.bounds ? "--bounds" : dataset_.root.string() + ": scene box", found, expected,
+                    "scale the positions of the cameras (and the bounds) up");
 }
 
 void Training::replanForTime() {
@@ -289,8 +305,8 @@ void Training::stepOnce() {
     if (!result.is_finite)
         throw NumericError("training: a colour that is not finite at step " + std::to_string(place_.step) +
                            ", image " + dataset_.views[static_cast<std::size_t>(result.bad_view)].path.string() +
-                           ", pixel (" + std::to_string(result.bad_x) + ", " + std::to_string(result.bad_y) +
-                           "); the last checkpoint is good");
+                           ", pixel (" + std::to_string(result.bad_x) + ", " + std::to_string(result.bad_y) + ")" +
+                           (has_checkpoint_ ? "; the last checkpoint is good" : ""));
     const double mean = result.squared_error / (3.0 * static_cast<double>(result.rays));
     place_.mean_error = place_.step == 0 ? mean : kErrorMemory * place_.mean_error + (1 - kErrorMemory) * mean;
     place_.rays += result.rays;
@@ -359,7 +375,10 @@ void Training::tell(bool force) {
 
 void Training::save() {
     const double begin = clock_.seconds();
-    if (!checkpoint_.empty()) saveCheckpoint(checkpoint_, state_, place_);
+    if (!checkpoint_.empty()) {
+        saveCheckpoint(checkpoint_, state_, place_);
+        has_checkpoint_ = true;
+    }
     last_saved_ = clock_.seconds();
     save_seconds_ = last_saved_ - begin;
 }

@@ -50,8 +50,6 @@ public:
 }  // namespace
 
 openvdb::math::Transform::Ptr gridTransform(const GridFrame& frame) {
-    // OpenVDB refuses a voxel whose volume is below 3e-15.
-    constexpr double kSmallestVoxel = 2e-5;
     if (frame.voxel_size < kSmallestVoxel)
         throw DataError("grid", "a voxel of " + std::to_string(frame.voxel_size) + " world units",
                         "at least 2e-5, as OpenVDB can say", "scale the camera poses up");

@@ -13,6 +13,9 @@
 
 namespace nerfvdb {
 
+/// World units. OpenVDB refuses a transform whose voxel has a volume below 3e-15.
+inline constexpr double kSmallestVoxel = 2e-5;
+
 /// x_in_world = origin + voxel_size * x_in_index. Voxel values sit at integer index coordinates.
 struct GridFrame {
     Vec3d origin = Vec3d::Zero();

@@ -148,6 +148,11 @@ test_bad_input() {
     expect 1 render model.vdb --path path.json --out pictures
     says err "no JSON"
 
+    # Voxels smaller than the model's file can say, refused before training.
+    expect 1 train data --out tiny.vdb --steps 9 --bounds 0 0 0 1e-5 1e-5 1e-5
+    says err "--bounds"
+    says err "at least 2e-05"
+
     # A model cut short.
     head -c 2000 model.vdb >short.vdb
     expect 1 info short.vdb
@@ -169,6 +174,9 @@ test_synth() {
     done
     expect 0 info data --json -
     has_keys out kind splits train test views width height focal_length warnings
+    expect 0 info data
+    says out "val: none of its own; test serves"
+    ! grep -q warning out || fail "warned about nothing: $(cat out)"
 }
 
 test_story() {
