@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <string>
 #include <vector>
 
@@ -27,13 +26,13 @@ using namespace nerfvdb;
 namespace {
 
 constexpr double kRadius = 0.8;      // of the ball that `synth sphere` shows
-constexpr double kLeastPsnr = 32.0;  // dB; measured 33.0, less one for other instruction sets and small changes
+constexpr double kLeastPsnr = 34.2;  // dB; measured 35.2, less one for other instruction sets and small changes
 
 Model trained(int threads) {
-    static const Dataset dataset = test::sphereDataset(Split::train, 24, 100);
+    static const Dataset dataset = test::surroundedSphereDataset(24, 100);
     const ThreadLimit limit(threads);
     TrainOptions options;
-    options.steps = {600};
+    options.steps = {1500};
     Report silent;
     return train(dataset, options, silent, {}).model;
 }
@@ -74,34 +73,35 @@ void checkVolume(const Model& model, const std::filesystem::path& path) {
     CHECK(wrong == 0);
 }
 
-/// The mesh is closed, and its outside lies within a voxel of the ball wherever cameras look. (Nobody sees the
-/// ball from below, nor its inside, where training leaves holes.)
+/// The mesh is one closed ball, its radius right within a voxel (at 99 vertices of a hundred).
 void checkMesh(const Model& model) {
+    const double voxel = model.field.frame().voxel_size;
+    MeshOptions options;
+    options.fill_inside = true;
+    // Half of the light stopped over six voxels, not one: after so few steps the ball's skin has pinholes that
+    // lead into the froth inside, which no camera sees. They close below 0.25 to 0.35 of the automatic level,
+    // measured with three seeds.
+    options.iso = automaticIso(model.field) / 6;
     Report silent;
-    Mesh mesh = extractSurface(model, {}, silent);
-    removeIslands(mesh, {/*keep_largest=*/1, /*min_faces=*/0});
+    Mesh mesh = extractSurface(model, options, silent);
+    removeIslands(mesh, {/*keep_largest=*/1, /*min_faces=*/0});  // up to three crumbs float outside
     const MeshMeasures measures = measureMesh(mesh);
     CHECK(measures.closed());
     CHECK(measures.degenerate_faces == 0);
+    CHECK(measures.euler == 2);
 
-    // The outermost vertex in each of many patches of equal area on the upper half.
-    constexpr int kRings = 12, kSectors = 36;
-    std::vector<double> outermost(kRings * kSectors, 0.0);
+    std::vector<double> error;  // of each vertex's radius, voxels
+    double mean = 0;
     for (const Vec3f& position : mesh.positions) {
-        const Vec3d p = position.cast<double>();
-        if (p.z() < 0) continue;
-        const int ring = std::min(kRings - 1, static_cast<int>(kRings * p.z() / p.norm()));
-        const double turn = std::atan2(p.y(), p.x()) / (2 * std::numbers::pi) + 0.5;
-        double& radius = outermost[ring * kSectors + std::min(kSectors - 1, static_cast<int>(kSectors * turn))];
-        radius = std::max(radius, p.norm());
+        const double radius = position.cast<double>().norm();
+        error.push_back(std::abs(radius - kRadius) / voxel);
+        mean += radius / static_cast<double>(mesh.positions.size());
     }
-    const double voxel = model.field.frame().voxel_size;
-    const auto n_low = std::count_if(outermost.begin(), outermost.end(),
-                                     [&](double radius) { return radius < kRadius - voxel; });
-    // Measured 1 of 432: so few steps leave a dark spot softer than the iso level. Two in a hundred are
-    // allowed.
-    CHECK(n_low <= kRings * kSectors / 50);
-    CHECK(*std::max_element(outermost.begin(), outermost.end()) < kRadius + voxel);
+    std::sort(error.begin(), error.end());
+    // Measured with three seeds: mean 0.812, 99 % below 0.94 voxels, the worst vertex 1.53.
+    CHECK(std::abs(mean - kRadius) < 0.6 * voxel);
+    CHECK(error[error.size() * 99 / 100] < 1);
+    CHECK(error.back() < 2);
 }
 
 }  // namespace
