@@ -153,7 +153,8 @@ Command addTrain(CLI::App& program) {
                    "Number of training steps in all, or of each stage (100,400,2000); overrides --time")
         ->type_name("N");
     app.add_option("--background", words->background,
-                   "What is behind the scene: auto, white, black, random (learns opacity) [auto]")
+                   "What is behind the scene: white, black, random (learns opacity, shown on white), or auto: random "
+                   "where photographs have alpha, else their mean colour [auto]")
         ->check(CLI::IsMember({"auto", "white", "black", "random"}))
         ->type_name("NAME");
     app.add_option("--bounds", words->bounds, "Box of the scene in world units [from the data]")

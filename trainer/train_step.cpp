@@ -38,13 +38,14 @@ StepReport TrainStepper::step(TrainState& state, const RaySource& source, std::u
     if (!report.is_finite) return report;  // nothing has moved yet
 
     const int channels = state.field.channels();
-    const RmsPropRates voxel_rates{rates.density, rates.features, rates.decay, rates.epsilon};
+    const RmsPropRates voxel_rates{rates.density, rates.features, rates.decay,
+                                   rates.epsilon, rates.sparsity, rates.smoothing};
     scatter_.run(state.field.topology(), channels, std::span(gradients_.data(), n_tiles),
                  [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask& seen) {
                      const std::size_t first = static_cast<std::size_t>(leaf) * kLeafVoxels;
-                     simd::rmsPropLeaf(channels, voxel_rates, gradient, &state.field.density()[first],
-                                       &state.density_moment[first], &state.field.features()[first * channels],
-                                       &state.feature_moment[first]);
+                     simd::rmsPropLeaf(channels, voxel_rates, state.field.topology().voxels()[leaf].data(), gradient,
+                                       &state.field.density()[first], &state.density_moment[first],
+                                       &state.field.features()[first * channels], &state.feature_moment[first]);
                      for (int word = 0; word < kLeafWords; ++word) state.seen[leaf][word] |= seen[word];
                  });
 

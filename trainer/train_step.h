@@ -16,11 +16,13 @@ namespace nerfvdb {
 
 /// How far parameters move in one step.
 struct StepRates {
-    float density = 0.3f;
+    float density = 0.2f;
     float features = 0.03f;
     float network = 3e-3f;
-    float decay = 0.95f;    // of the voxels' second moments
-    float epsilon = 1e-4f;  // on gradients summed over the batch
+    float decay = 0.95f;     // of the voxels' second moments
+    float epsilon = 1e-4f;   // on gradients summed over the batch
+    float sparsity = 0.01f;  // see RmsPropRates: free space becomes empty although no view contradicts its fog ...
+    float smoothing = 0.2f;  // ... and voxels that few rays met learn from their neighbours
 };
 
 /// What learns.

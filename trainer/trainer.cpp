@@ -16,7 +16,7 @@ namespace nerfvdb {
 namespace {
 
 constexpr int kChannels = 8;
-constexpr double kFinalRate = 0.1;          // learning rates fall to this share of themselves, exponentially
+constexpr double kFinalRate = 0.3;          // learning rates fall to this share of themselves, exponentially
 constexpr int kWarmUpSteps = 20;            // rates rise linearly at the very start
 constexpr float kMinAlpha = 0.01f;          // cells that stop less light over a voxel are not looked at
 constexpr double kUnitsPerBox = 260;        // density is learned per 1/260 of the box's longest side ...
@@ -171,7 +171,9 @@ void Training::chooseBackground() {
         case BackgroundMode::white: state_.background = Vec3f::Ones(); break;
         case BackgroundMode::black: state_.background = Vec3f::Zero(); break;
         case BackgroundMode::automatic:
+            // Where opacity is known it is learned as such: no fog can hide in the colour of the background.
             state_.background = dataset_.has_alpha ? Vec3f(Vec3f::Ones()) : meanColour(dataset_);
+            state_.random_background = dataset_.has_alpha;
             break;
         case BackgroundMode::random:
             if (!dataset_.has_alpha)

@@ -28,11 +28,17 @@ void rowDots(int n, int channels, const float* features, const std::int32_t* ray
 void accumulateLeaf(int n, const LeafContribution* contributions, int channels, const LeafGradient& gradient);
 
 /// RMSprop on the touched voxels of one leaf, one second moment per voxel for all its features:
-///   m = decay m + (1 - decay) mean(g^2),  p -= rate g / (sqrt(m) + epsilon)
-/// Source: Tieleman and Hinton 2012, lecture 6.5; lazy: untouched voxels keep their moments. Clears the gradient.
+///   m = decay m + (1 - decay) mean(g^2),  u = g / (sqrt(m) + epsilon)
+///   density  -= density_rate (u + sparsity)
+///   features -= feature_rate (u + smoothing (features - mean of the face neighbours))
+/// Neighbours are those in the same leaf whose bit in `active` [8] is set; voxels are done in order, so that some
+/// are new already. Both pulls stand beside u, not in g: whatever the gradients' size, they stay small against a
+/// step that samples agree on, and decide where samples do not.
+/// Source: Tieleman and Hinton 2012, lecture 6.5; lazy: untouched voxels keep their moments; pulls decoupled as in
+/// Loshchilov and Hutter 2019, "Decoupled weight decay regularization". Clears the gradient.
 /// Shapes: density, density_moment, feature_moment [512], features [512][channels].
-void rmsPropLeaf(int channels, const RmsPropRates& rates, const LeafGradient& gradient, float* density,
-                 float* density_moment, float* features, float* feature_moment);
+void rmsPropLeaf(int channels, const RmsPropRates& rates, const std::uint64_t* active, const LeafGradient& gradient,
+                 float* density, float* density_moment, float* features, float* feature_moment);
 
 /// out[o][b] = bias[o] + sum_i weights[o][i] in[i][b], through ReLU if asked. Rows are `stride` floats apart;
 /// b runs to n rounded up to kPadding.

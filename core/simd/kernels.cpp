@@ -313,9 +313,33 @@ void accumulateLeaf(int n, const LeafContribution* contributions, int channels, 
     }
 }
 
+/// Pulls row `voxel` of a leaf's features by `pull` towards the mean of its face neighbours that are active.
 template <int kChannels>
-void rmsPropLeafOf(const RmsPropRates& rates, const LeafGradient& gradient, float* density, float* density_moment,
-                   float* features, float* feature_moment) {
+HWY_INLINE void smoothRow(const std::uint64_t* active, int voxel, float pull, float* features) {
+    constexpr hn::CappedTag<float, kChannels> row;
+    constexpr int kRowLanes = static_cast<int>(hn::MaxLanes(row));
+    int neighbours[6], n = 0;
+    const auto addIf = [&](bool is_inside, int neighbour) {
+        if (is_inside && (active[neighbour >> 6] >> (neighbour & 63) & 1)) neighbours[n++] = neighbour;
+    };
+    const int x = voxel >> 6, y = voxel >> 3 & 7, z = voxel & 7;
+    addIf(x > 0, voxel - 64), addIf(x < 7, voxel + 64);
+    addIf(y > 0, voxel - 8), addIf(y < 7, voxel + 8);
+    addIf(z > 0, voxel - 1), addIf(z < 7, voxel + 1);
+    if (n == 0) return;
+    const auto share = hn::Set(row, 1.0f / static_cast<float>(n));
+    for (int c = 0; c < kChannels; c += kRowLanes) {
+        auto sum = hn::LoadU(row, features + neighbours[0] * kChannels + c);
+        for (int i = 1; i < n; ++i) sum = hn::Add(sum, hn::LoadU(row, features + neighbours[i] * kChannels + c));
+        float* const values = features + voxel * kChannels + c;
+        const auto value = hn::LoadU(row, values);
+        hn::StoreU(hn::MulAdd(hn::Set(row, pull), hn::MulSub(sum, share, value), value), row, values);
+    }
+}
+
+template <int kChannels>
+void rmsPropLeafOf(const RmsPropRates& rates, const std::uint64_t* active, const LeafGradient& gradient,
+                   float* density, float* density_moment, float* features, float* feature_moment) {
     constexpr hn::CappedTag<float, kChannels> row;
     constexpr int kRowLanes = static_cast<int>(hn::MaxLanes(row));
     constexpr int kRowVectors = kChannels / kRowLanes;
@@ -326,10 +350,11 @@ void rmsPropLeafOf(const RmsPropRates& rates, const LeafGradient& gradient, floa
             const float g = gradient.density[voxel];
             gradient.density[voxel] = 0;
             density_moment[voxel] = keep * density_moment[voxel] + add * g * g;
-            density[voxel] -= rates.density_rate * g / (__builtin_sqrtf(density_moment[voxel]) + rates.epsilon);
+            density[voxel] -= rates.density_rate *
+                              (g / (__builtin_sqrtf(density_moment[voxel]) + rates.epsilon) + rates.sparsity);
 
             float* const gradients = gradient.features + voxel * kChannels;
-            float* const values = features + std::size_t(voxel) * kChannels;
+            float* const values = features + voxel * kChannels;
             auto squares = hn::Zero(row);
             for (int v = 0; v < kRowVectors; ++v) {
                 const auto gf = hn::LoadU(row, gradients + v * kRowLanes);
@@ -339,6 +364,8 @@ void rmsPropLeafOf(const RmsPropRates& rates, const LeafGradient& gradient, floa
             feature_moment[voxel] = keep * feature_moment[voxel] + add * mean_square;
             const auto scale =
                 hn::Set(row, rates.feature_rate / (__builtin_sqrtf(feature_moment[voxel]) + rates.epsilon));
+            if (rates.smoothing > 0)
+                smoothRow<kChannels>(active, voxel, rates.feature_rate * rates.smoothing, features);
             for (int v = 0; v < kRowVectors; ++v) {
                 const auto gf = hn::LoadU(row, gradients + v * kRowLanes);
                 hn::StoreU(hn::NegMulAdd(scale, gf, hn::LoadU(row, values + v * kRowLanes)), row,
@@ -350,12 +377,15 @@ void rmsPropLeafOf(const RmsPropRates& rates, const LeafGradient& gradient, floa
     }
 }
 
-void rmsPropLeaf(int channels, const RmsPropRates& rates, const LeafGradient& gradient, float* density,
-                 float* density_moment, float* features, float* feature_moment) {
+void rmsPropLeaf(int channels, const RmsPropRates& rates, const std::uint64_t* active, const LeafGradient& gradient,
+                 float* density, float* density_moment, float* features, float* feature_moment) {
     switch (channels) {
-        case 4: return rmsPropLeafOf<4>(rates, gradient, density, density_moment, features, feature_moment);
-        case 8: return rmsPropLeafOf<8>(rates, gradient, density, density_moment, features, feature_moment);
-        default: return rmsPropLeafOf<16>(rates, gradient, density, density_moment, features, feature_moment);
+        case 4:
+            return rmsPropLeafOf<4>(rates, active, gradient, density, density_moment, features, feature_moment);
+        case 8:
+            return rmsPropLeafOf<8>(rates, active, gradient, density, density_moment, features, feature_moment);
+        default:
+            return rmsPropLeafOf<16>(rates, active, gradient, density, density_moment, features, feature_moment);
     }
 }
 
@@ -522,10 +552,10 @@ void rowDots(int n, int channels, const float* features, const std::int32_t* ray
 void accumulateLeaf(int n, const LeafContribution* contributions, int channels, const LeafGradient& gradient) {
     HWY_DYNAMIC_DISPATCH(accumulateLeaf)(n, contributions, channels, gradient);
 }
-void rmsPropLeaf(int channels, const RmsPropRates& rates, const LeafGradient& gradient, float* density,
-                 float* density_moment, float* features, float* feature_moment) {
+void rmsPropLeaf(int channels, const RmsPropRates& rates, const std::uint64_t* active, const LeafGradient& gradient,
+                 float* density, float* density_moment, float* features, float* feature_moment) {
     HWY_DYNAMIC_DISPATCH(rmsPropLeaf)
-    (channels, rates, gradient, density, density_moment, features, feature_moment);
+    (channels, rates, active, gradient, density, density_moment, features, feature_moment);
 }
 void layerForward(int n, int stride, int n_in, int n_out, const float* weights, const float* bias, bool relu,
                   const float* in, float* out) {

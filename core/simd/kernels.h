@@ -68,6 +68,8 @@ struct RmsPropRates {
     float density_rate, feature_rate;
     float decay;                     // of the second moments
     float epsilon;
+    float sparsity;                  // pull of a density towards empty, in full steps
+    float smoothing;                 // pull of features towards their neighbours' mean, per unit of feature_rate
 };
 
 namespace simd {

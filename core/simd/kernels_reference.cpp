@@ -2,6 +2,7 @@
 // The scalar truth of kernels.h.
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "core/simd/kernels.h"
 
@@ -123,13 +124,14 @@ void accumulateLeaf(int n, const LeafContribution* contributions, int channels, 
     }
 }
 
-void rmsPropLeaf(int channels, const RmsPropRates& rates, const LeafGradient& gradient, float* density,
-                 float* density_moment, float* features, float* feature_moment) {
+void rmsPropLeaf(int channels, const RmsPropRates& rates, const std::uint64_t* active, const LeafGradient& gradient,
+                 float* density, float* density_moment, float* features, float* feature_moment) {
     for (int voxel = 0; voxel < 512; ++voxel) {
         if (!(gradient.touched[voxel >> 6] >> (voxel & 63) & 1)) continue;
         const float g = gradient.density[voxel];
         density_moment[voxel] = rates.decay * density_moment[voxel] + (1 - rates.decay) * g * g;
-        density[voxel] -= rates.density_rate * g / (std::sqrt(density_moment[voxel]) + rates.epsilon);
+        density[voxel] -=
+            rates.density_rate * (g / (std::sqrt(density_moment[voxel]) + rates.epsilon) + rates.sparsity);
         gradient.density[voxel] = 0;
 
         float squares = 0;
@@ -140,8 +142,23 @@ void rmsPropLeaf(int channels, const RmsPropRates& rates, const LeafGradient& gr
         feature_moment[voxel] =
             rates.decay * feature_moment[voxel] + (1 - rates.decay) * squares / static_cast<float>(channels);
         const float scale = rates.feature_rate / (std::sqrt(feature_moment[voxel]) + rates.epsilon);
+        std::vector<int> neighbours;
+        for (const int stride : {64, 8, 1})
+            for (const int side : {-1, 1}) {
+                const int position = voxel / stride % 8 + side;
+                const int neighbour = voxel + side * stride;
+                if (position >= 0 && position < 8 && (active[neighbour >> 6] >> (neighbour & 63) & 1))
+                    neighbours.push_back(neighbour);
+            }
         for (int c = 0; c < channels; ++c) {
-            features[voxel * channels + c] -= scale * gradient.features[voxel * channels + c];
+            float& value = features[voxel * channels + c];
+            float roughness = 0;
+            if (!neighbours.empty()) {
+                float sum = 0;
+                for (const int neighbour : neighbours) sum += features[neighbour * channels + c];
+                roughness = value - sum / static_cast<float>(neighbours.size());
+            }
+            value -= scale * gradient.features[voxel * channels + c] + rates.feature_rate * rates.smoothing * roughness;
             gradient.features[voxel * channels + c] = 0;
         }
     }

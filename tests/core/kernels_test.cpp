@@ -183,12 +183,12 @@ TEST_CASE("gradients of one leaf: fast = reference, and the same voxels are touc
 }
 
 TEST_CASE("RMSprop of one leaf: fast = reference; untouched voxels keep everything, gradients are cleared") {
-    const RmsPropRates rates{0.3f, 0.03f, 0.95f, 1e-4f};
+    const RmsPropRates rates{0.3f, 0.03f, 0.95f, 1e-4f, 0.02f, 0.5f};
     for (const int channels : {4, 8, 16}) {
         CAPTURE(channels);
         struct Leaf {
             std::vector<float> gradient, feature_gradient, density, moment, features, feature_moment;
-            LeafMask touched;
+            LeafMask touched, active;
             explicit Leaf(int n)
                 : gradient(randomFloats(512 + kPadding, -1, 1, 50)),
                   feature_gradient(randomFloats(512 * n + kPadding, -1, 1, 51)),
@@ -196,11 +196,13 @@ TEST_CASE("RMSprop of one leaf: fast = reference; untouched voxels keep everythi
                   moment(randomFloats(512 + kPadding, 0, 1, 53)),
                   features(randomFloats(512 * n + kPadding, -1, 1, 54)),
                   feature_moment(randomFloats(512 + kPadding, 0, 1, 55)) {
-                for (int word = 0; word < 8; ++word)
+                for (int word = 0; word < 8; ++word) {
                     touched[word] = randomBits(56, 0, word) & randomBits(56, 1, word);
+                    active[word] = touched[word] | randomBits(56, 2, word);
+                }
             }
             void step(int n, const RmsPropRates& rates, decltype(&simd::rmsPropLeaf) kernel) {
-                kernel(n, rates, {gradient.data(), feature_gradient.data(), touched.data()}, density.data(),
+                kernel(n, rates, active.data(), {gradient.data(), feature_gradient.data(), touched.data()}, density.data(),
                        moment.data(), features.data(), feature_moment.data());
             }
         };
@@ -226,6 +228,34 @@ TEST_CASE("RMSprop of one leaf: fast = reference; untouched voxels keep everythi
             CHECK(wrong == 0);
         });
     }
+}
+
+TEST_CASE("where samples say nothing, density sinks and features move towards the neighbours that exist") {
+    constexpr int kChannels = 4, kMiddle = 3 * 64 + 4 * 8 + 5, kCorner = 0;
+    const RmsPropRates rates{0.5f, 0.25f, 0.9f, 1e-4f, 0.1f, 0.4f};
+    test::forEachTarget([&] {
+        std::vector<float> gradient(512), feature_gradient(512 * kChannels + kPadding), density(512, 2.0f),
+            moment(512), features(512 * kChannels + kPadding, 1.0f), feature_moment(512);
+        LeafMask touched{}, active{};
+        for (const int voxel : {kCorner, kMiddle}) setBit(touched, voxel);
+        // Of the middle's six neighbours two exist, with values 5 and 2; the others' values must not matter.
+        setBit(active, kMiddle - 64), setBit(active, kMiddle + 1);
+        for (int c = 0; c < kChannels; ++c) {
+            features[(kMiddle - 64) * kChannels + c] = 5.0f;
+            features[(kMiddle + 1) * kChannels + c] = 2.0f;
+            features[(kMiddle + 8) * kChannels + c] = 100.0f;
+            features[1 * kChannels + c] = 100.0f;
+        }
+        simd::rmsPropLeaf(kChannels, rates, active.data(),
+                          {gradient.data(), feature_gradient.data(), touched.data()}, density.data(),
+                          moment.data(), features.data(), feature_moment.data());
+        CHECK(density[kMiddle] == Approx(2.0 - 0.5 * 0.1));
+        CHECK(density[kMiddle + 1] == 2.0f);
+        for (int c = 0; c < kChannels; ++c) {
+            CHECK(features[kMiddle * kChannels + c] == Approx(1.0 + 0.25 * 0.4 * (3.5 - 1.0)));
+            CHECK(features[kCorner * kChannels + c] == 1.0f);  // no neighbour exists
+        }
+    });
 }
 
 TEST_CASE("network layers, forward and backward: fast = reference for all remainders of rows and samples") {
