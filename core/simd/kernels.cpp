@@ -313,27 +313,66 @@ void accumulateLeaf(int n, const LeafContribution* contributions, int channels, 
     }
 }
 
-/// Pulls row `voxel` of a leaf's features by `pull` towards the mean of its face neighbours that are active.
+/// Which face neighbours of the voxels of one word are active, and in the leaf: bits as the voxels', in the order
+/// x - 1, x + 1, y - 1, y + 1, z - 1, z + 1.
+struct FaceNeighbours {
+    static constexpr int kOffsets[6] = {-64, 64, -8, 8, -1, 1};
+    std::uint64_t exists[6];
+
+    FaceNeighbours(const std::uint64_t* active, int word) {
+        constexpr std::uint64_t kFirstZ = 0x0101010101010101ull;
+        const std::uint64_t self = active[word];
+        exists[0] = word > 0 ? active[word - 1] : 0;
+        exists[1] = word < 7 ? active[word + 1] : 0;
+        exists[2] = self << 8;
+        exists[3] = self >> 8;
+        exists[4] = (self & ~(kFirstZ << 7)) << 1;
+        exists[5] = (self & ~kFirstZ) >> 1;
+    }
+};
+
+/// Asks for all that an update will read, at once: one after the other each voxel would wait for memory.
 template <int kChannels>
-HWY_INLINE void smoothRow(const std::uint64_t* active, int voxel, float pull, float* features) {
+HWY_INLINE void prefetchLeaf(const std::uint64_t* active, const std::uint64_t* touched, const float* density,
+                             const float* density_moment, const float* features, const float* feature_moment) {
+    for (int word = 0; word < 8; ++word) {
+        // A voxel is read if it is touched or the neighbour of one that is; being neighbours is mutual.
+        const FaceNeighbours near(touched, word);
+        std::uint64_t read = touched[word];
+        for (std::uint64_t bits = read; bits; bits &= bits - 1) {
+            const int voxel = word * 64 + __builtin_ctzll(bits);
+            for (const float* const values : {density, density_moment, feature_moment})
+                __builtin_prefetch(values + voxel);
+        }
+        for (const std::uint64_t bits : near.exists) read |= bits & active[word];
+        for (; read; read &= read - 1)
+            __builtin_prefetch(features + (word * 64 + __builtin_ctzll(read)) * kChannels);
+    }
+}
+
+/// Pulls row `voxel` of a leaf's features by `pull` towards the mean of its neighbours. Without branches: no
+/// processor foresees which neighbours exist.
+template <int kChannels>
+HWY_INLINE void smoothRow(const FaceNeighbours& neighbours, int voxel, float pull, float* features) {
     constexpr hn::CappedTag<float, kChannels> row;
     constexpr int kRowLanes = static_cast<int>(hn::MaxLanes(row));
-    int neighbours[6], n = 0;
-    const auto addIf = [&](bool is_inside, int neighbour) {
-        if (is_inside && (active[neighbour >> 6] >> (neighbour & 63) & 1)) neighbours[n++] = neighbour;
-    };
-    const int x = voxel >> 6, y = voxel >> 3 & 7, z = voxel & 7;
-    addIf(x > 0, voxel - 64), addIf(x < 7, voxel + 64);
-    addIf(y > 0, voxel - 8), addIf(y < 7, voxel + 8);
-    addIf(z > 0, voxel - 1), addIf(z < 7, voxel + 1);
-    if (n == 0) return;
-    const auto share = hn::Set(row, 1.0f / static_cast<float>(n));
+    constexpr float kShare[7] = {0, 1.0f, 1.0f / 2, 1.0f / 3, 1.0f / 4, 1.0f / 5, 1.0f / 6};
+    const float* rows[6];
+    float weight[6];
+    int n = 0;
+    for (int i = 0; i < 6; ++i) {
+        const int exists = static_cast<int>(neighbours.exists[i] >> (voxel & 63) & 1);
+        rows[i] = features + (voxel + (FaceNeighbours::kOffsets[i] & -exists)) * kChannels;  // itself, times 0
+        weight[i] = static_cast<float>(exists);
+        n += exists;
+    }
+    const auto share = hn::Set(row, kShare[n]), strength = hn::Set(row, n > 0 ? pull : 0.0f);
     for (int c = 0; c < kChannels; c += kRowLanes) {
-        auto sum = hn::LoadU(row, features + neighbours[0] * kChannels + c);
-        for (int i = 1; i < n; ++i) sum = hn::Add(sum, hn::LoadU(row, features + neighbours[i] * kChannels + c));
+        auto sum = hn::Zero(row);
+        for (int i = 0; i < 6; ++i) sum = hn::MulAdd(hn::Set(row, weight[i]), hn::LoadU(row, rows[i] + c), sum);
         float* const values = features + voxel * kChannels + c;
         const auto value = hn::LoadU(row, values);
-        hn::StoreU(hn::MulAdd(hn::Set(row, pull), hn::MulSub(sum, share, value), value), row, values);
+        hn::StoreU(hn::MulAdd(strength, hn::MulSub(sum, share, value), value), row, values);
     }
 }
 
@@ -344,7 +383,10 @@ void rmsPropLeafOf(const RmsPropRates& rates, const std::uint64_t* active, const
     constexpr int kRowLanes = static_cast<int>(hn::MaxLanes(row));
     constexpr int kRowVectors = kChannels / kRowLanes;
     const float keep = rates.decay, add = 1 - rates.decay;
+    prefetchLeaf<kChannels>(active, gradient.touched, density, density_moment, features, feature_moment);
     for (int word = 0; word < 8; ++word) {
+        if (gradient.touched[word] == 0) continue;
+        const FaceNeighbours neighbours(active, word);
         for (std::uint64_t bits = gradient.touched[word]; bits; bits &= bits - 1) {
             const int voxel = word * 64 + __builtin_ctzll(bits);
             const float g = gradient.density[voxel];
@@ -365,7 +407,7 @@ void rmsPropLeafOf(const RmsPropRates& rates, const std::uint64_t* active, const
             const auto scale =
                 hn::Set(row, rates.feature_rate / (__builtin_sqrtf(feature_moment[voxel]) + rates.epsilon));
             if (rates.smoothing > 0)
-                smoothRow<kChannels>(active, voxel, rates.feature_rate * rates.smoothing, features);
+                smoothRow<kChannels>(neighbours, voxel, rates.feature_rate * rates.smoothing, features);
             for (int v = 0; v < kRowVectors; ++v) {
                 const auto gf = hn::LoadU(row, gradients + v * kRowLanes);
                 hn::StoreU(hn::NegMulAdd(scale, gf, hn::LoadU(row, values + v * kRowLanes)), row,
