@@ -60,26 +60,36 @@ void RaySource::update(const VoxelField& field, const Occupancy& occupancy) {
     for (const std::vector<Tile>& tiles : found) tiles_.insert(tiles_.end(), tiles.begin(), tiles.end());
 }
 
-TrainingRay RaySource::draw(std::uint64_t step, std::uint64_t index) const {
+RaySource::Pick RaySource::pick(std::uint64_t step, std::uint64_t index) const {
     const std::uint64_t bits = randomBits(seed_, step, index);
     const Tile& tile = tiles_[(bits >> 32) * tiles_.size() >> 32];
-    const View& view = dataset_->views[tile.view];
+    const Camera& camera = dataset_->views[tile.view].camera;
     const int x0 = tile.x * kTilePixels, y0 = tile.y * kTilePixels;
-    const int width = std::min(kTilePixels, view.camera.width - x0);
-    const int height = std::min(kTilePixels, view.camera.height - y0);
+    const int width = std::min(kTilePixels, camera.width - x0);
+    const int height = std::min(kTilePixels, camera.height - y0);
     const std::uint64_t more = mixBits(bits);
-    const int x = x0 + static_cast<int>((more & 0xffff) * static_cast<unsigned>(width) >> 16);
-    const int y = y0 + static_cast<int>((more >> 16 & 0xffff) * static_cast<unsigned>(height) >> 16);
+    return {tile.view, x0 + static_cast<int>((more & 0xffff) * static_cast<unsigned>(width) >> 16),
+            y0 + static_cast<int>((more >> 16 & 0xffff) * static_cast<unsigned>(height) >> 16), more};
+}
 
+void RaySource::prefetch(std::uint64_t step, std::uint64_t index) const {
+    const Pick picked = pick(step, index);
+    const View& view = dataset_->views[picked.view];
+    __builtin_prefetch(&view.photo.pixels[static_cast<std::size_t>(picked.y) * view.camera.width + picked.x]);
+}
+
+TrainingRay RaySource::draw(std::uint64_t step, std::uint64_t index) const {
+    const Pick picked = pick(step, index);
+    const View& view = dataset_->views[picked.view];
     TrainingRay drawn;
-    drawn.ray = cameraRay(view.camera, x + 0.5, y + 0.5);
-    drawn.jitter = unitFloat(static_cast<std::uint32_t>(more >> 32));
-    const auto& pixel = view.photo.pixels[static_cast<std::size_t>(y) * view.camera.width + x];
+    drawn.ray = cameraRay(view.camera, picked.x + 0.5, picked.y + 0.5);
+    drawn.jitter = unitFloat(static_cast<std::uint32_t>(picked.bits >> 32));
+    const auto& pixel = view.photo.pixels[static_cast<std::size_t>(picked.y) * view.camera.width + picked.x];
     for (int c = 0; c < 4; ++c) drawn.rgba[c] = static_cast<float>(pixel[c]) * (1.0f / 255.0f);
-    drawn.bits = mixBits(more);
-    drawn.view = tile.view;
-    drawn.x = x;
-    drawn.y = y;
+    drawn.bits = mixBits(picked.bits);
+    drawn.view = picked.view;
+    drawn.x = picked.x;
+    drawn.y = picked.y;
     return drawn;
 }
 

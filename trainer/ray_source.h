@@ -29,6 +29,8 @@ public:
     void update(const VoxelField& field, const Occupancy& occupancy);
 
     TrainingRay draw(std::uint64_t step, std::uint64_t index) const;
+    /// Sends for the pixel that draw will read; photographs lie in main memory, and any of them may be next.
+    void prefetch(std::uint64_t step, std::uint64_t index) const;
 
     std::size_t tileCount() const { return tiles_.size(); }
 
@@ -36,6 +38,12 @@ private:
     struct Tile {
         std::uint16_t view, x, y;  // in tiles
     };
+    struct Pick {
+        int view, x, y;
+        std::uint64_t bits;  // random bits that are left
+    };
+    Pick pick(std::uint64_t step, std::uint64_t index) const;
+
     const Dataset* dataset_;
     std::uint64_t seed_;
     std::vector<Tile> tiles_;

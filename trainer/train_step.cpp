@@ -66,6 +66,7 @@ void TrainStepper::runTile(TrainState& state, const RaySource& source, std::uint
     RayTracer& tracer = worker.tracer;
     tracer.clear();
     tracer.resetCounters();
+    for (int r = 0; r < n_rays; ++r) source.prefetch(step, static_cast<std::uint64_t>(first_ray + r));
     for (int r = 0; r < n_rays; ++r) {
         worker.rays[r] = source.draw(step, static_cast<std::uint64_t>(first_ray + r));
         tracer.addRay(scene, worker.rays[r].ray, trace.step_voxels, worker.rays[r].jitter);

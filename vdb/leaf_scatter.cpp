@@ -6,6 +6,8 @@
 namespace nerfvdb {
 namespace {
 
+constexpr std::size_t kAhead = 8;  // entries whose samples are on their way from the cache below
+
 /// Leaves per part; parts are ranges of leaf numbers, so neighbours in space share a part.
 std::size_t leavesPerPart(const Topology& topology) {
     return std::max<std::size_t>(1, (topology.leafCount() + kScatterParts - 1) / kScatterParts);
@@ -18,8 +20,10 @@ void TileGradients::bin(const Topology& topology) {
     const std::int32_t* const upper = topology.upperNeighbours().data();
     std::array<std::uint32_t, kScatterParts + 1> count{};
     unsorted_.clear();
+    samples.clear();
     for (int i = 0; i < kept.n; ++i) {
         const int cell = kept.cell[i];
+        samples.push_back({cell, kept.ray[i], kept.x[i], kept.y[i], kept.z[i], kept.weight[i], kept.dl_draw[i]});
         const int crossed = (cell >> 6 == 7) * 4 + ((cell >> 3 & 7) == 7) * 2 + ((cell & 7) == 7);
         for (int corner = 0; corner < 8; ++corner) {
             if (corner & ~crossed) continue;
@@ -68,15 +72,18 @@ void LeafScatter::run(const Topology& topology, int channels, std::span<const Ti
             LeafMask seen{};
             for (end = begin; end < n && scratch.entries[end].leaf == leaf; ++end) {
                 const Entry& entry = scratch.entries[end];
+                if (end + kAhead < n) {
+                    const Entry& later = scratch.entries[end + kAhead];
+                    __builtin_prefetch(&tiles[later.tile].samples[later.touch.sample]);
+                }
                 const TileGradients& tile = tiles[entry.tile];
-                const std::uint32_t s = entry.touch.sample;
-                const int cell = tile.kept.cell[s];
+                const TileGradients::Sample& sample = tile.samples[entry.touch.sample];
+                const int cell = sample.cell;
                 const int corner = entry.touch.corner;
                 scratch.contributions.push_back(
                     {(cell >> 6) - 8 * (corner >> 2 & 1), (cell >> 3 & 7) - 8 * (corner >> 1 & 1),
-                     (cell & 7) - 8 * (corner & 1), tile.kept.x[s], tile.kept.y[s], tile.kept.z[s],
-                     tile.kept.weight[s], tile.kept.dl_draw[s],
-                     &tile.dl_dray_features[static_cast<std::size_t>(tile.kept.ray[s]) * channels]});
+                     (cell & 7) - 8 * (corner & 1), sample.x, sample.y, sample.z, sample.weight, sample.dl_draw,
+                     &tile.dl_dray_features[static_cast<std::size_t>(sample.ray) * channels]});
                 if (corner == 0) setBit(seen, cell);
             }
             simd::accumulateLeaf(static_cast<int>(scratch.contributions.size()), scratch.contributions.data(),

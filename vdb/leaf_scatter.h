@@ -23,6 +23,14 @@ struct TileGradients {
     KeptSamples kept;
     std::vector<float> dl_dray_features;  // [ray][channels]
 
+    /// What a leaf needs to know of a sample, side by side: it is met in the leaf's order, not in the ray's.
+    struct Sample {
+        std::int32_t cell, ray;
+        float x, y, z;
+        float weight, dl_draw;
+    };
+    std::vector<Sample> samples;  // [kept]
+
     /// One sample in one leaf. `corner` (bits x, y, z) says by which faces the sample's cell reaches into it.
     struct Touch {
         std::int32_t leaf;
@@ -31,7 +39,7 @@ struct TileGradients {
     std::vector<Touch> touches;                              // sorted by part, in sample order inside
     std::array<std::uint32_t, kScatterParts + 1> part_begin{};
 
-    /// Fills touches from kept.
+    /// Fills samples and touches from kept.
     void bin(const Topology& topology);
 
 private:
