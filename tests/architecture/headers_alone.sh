@@ -4,6 +4,6 @@
 set -euo pipefail
 cd "$1"
 shift
-find core vdb trainer export cli -name '*.h' | sort |
+find core vdb trainer export bench cli -name '*.h' | sort |
     xargs --max-procs "$(nproc)" --replace=HEADER \
         sh -c 'printf "#include \"HEADER\"\n" | "$@" -std=c++20 -I . -fsyntax-only -x c++ -' sh "$@"

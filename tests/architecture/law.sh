@@ -50,7 +50,8 @@ may_include core core
 may_include vdb vdb core
 may_include trainer trainer vdb core
 may_include export export vdb core
-may_include cli cli export trainer vdb core
+may_include bench bench export trainer vdb core
+may_include cli cli bench export trainer vdb core
 
 # --- 2. fences ------------------------------------------------------------------------------------------------
 
@@ -58,7 +59,7 @@ may_include cli cli export trainer vdb core
 fence() {
     local name=$1 header=$2 files=$3
     report "$name only in: $files" < <(
-        search "^[[:space:]]*#[[:space:]]*include[[:space:]]*<($header)" core vdb trainer export cli |
+        search "^[[:space:]]*#[[:space:]]*include[[:space:]]*<($header)" core vdb trainer export bench cli |
             grep -vE "^($files):" || true)
 }
 
@@ -66,7 +67,7 @@ fence OpenVDB 'openvdb/' '(vdb|export)/[a-z0-9_]+\.cpp|vdb/(topology_tree|vdb_fi
 fence OpenImageIO 'OpenImageIO/' 'core/image\.cpp'
 fence Highway 'hwy/' 'core/simd/.*'
 fence TBB '(tbb|oneapi)/' 'core/parallel\.h'
-fence JSON 'nlohmann/' 'trainer/[a-z0-9_]+\.(cpp|h)|cli/.*'
+fence JSON 'nlohmann/' 'trainer/[a-z0-9_]+\.(cpp|h)|bench/result\.cpp|cli/.*'
 fence CLI11 'CLI/' 'cli/.*'
 fence xxHash 'xxhash' 'core/atomic_file\.cpp'
 
@@ -74,19 +75,19 @@ fence xxHash 'xxhash' 'core/atomic_file\.cpp'
 
 report "the library speaks through Report and throws Error" < <(
     search '(^|[^A-Za-z0-9_.>])(printf|fprintf|puts|putchar|exit|_Exit|quick_exit|abort|terminate) *\(|std::(cout|cerr|clog)|#[[:space:]]*include[[:space:]]*<iostream>' \
-        core vdb trainer export)
+        core vdb trainer export bench)
 
 # --- 4. licence -----------------------------------------------------------------------------------------------
 
 scripts() {
-    find core vdb trainer export cli tests bench examples cmake -name CMakeLists.txt -o -name '*.cmake' \
+    find core vdb trainer export bench cli tests examples cmake -name CMakeLists.txt -o -name '*.cmake' \
         -o -name '*.sh' 2>/dev/null | sort
     for file in CMakeLists.txt run .ci/run; do
         if [[ -f $file ]]; then printf '%s\n' "$file"; fi
     done
 }
 report "SPDX-License-Identifier: Apache-2.0 belongs in the first two lines" < <(
-    { sources core vdb trainer export cli tests bench examples; scripts; } | while IFS= read -r file; do
+    { sources core vdb trainer export bench cli tests examples; scripts; } | while IFS= read -r file; do
         head -n 2 "$file" | grep -q 'SPDX-License-Identifier: Apache-2.0' || printf '%s\n' "$file:1:"
     done)
 
@@ -94,4 +95,4 @@ if [[ $breaches -gt 0 ]]; then
     printf '%s\n' "$breaches breaches of the law of the house"
     exit 1
 fi
-printf '%s\n' "$(sources core vdb trainer export cli | wc -l) source files keep the law"
+printf '%s\n' "$(sources core vdb trainer export bench cli | wc -l) source files keep the law"

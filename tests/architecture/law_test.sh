@@ -6,7 +6,7 @@ law=$1
 scratch=$2
 
 rm -rf "$scratch"
-mkdir -p "$scratch"/{core,vdb,trainer,export,cli}
+mkdir -p "$scratch"/{core,vdb,trainer,export,bench,cli}
 spdx='// SPDX-License-Identifier: Apache-2.0'
 
 write() { printf '%s\n' "${@:2}" >"$scratch/$1"; }
@@ -21,6 +21,10 @@ write core/up.cpp "$spdx" '#include "vdb/topology.h"'
 write vdb/up.h "$spdx" '#include "trainer/dataset.h"'
 write trainer/sideways.cpp "$spdx" '#include "export/mesh.h"'
 write export/sideways.cpp "$spdx" '#  include "trainer/trainer.h"'
+write trainer/measure.cpp "$spdx" '#include "bench/repeat.h"'
+write bench/up.cpp "$spdx" '#include "cli/text.h"'
+write bench/words.cpp "$spdx" '#include <nlohmann/json.hpp>'
+write bench/print.cpp "$spdx" '#include <iostream>'
 write core/tree.cpp "$spdx" '#include <openvdb/openvdb.h>'
 write vdb/header.h "$spdx" '#include <openvdb/tree/Tree.h>'
 write trainer/threads.cpp "$spdx" '#include <tbb/parallel_for.h>'
@@ -37,10 +41,11 @@ found=$("$law" "$scratch") && {
     exit 1
 }
 status=0
-for file in core/up.cpp vdb/up.h trainer/sideways.cpp export/sideways.cpp core/tree.cpp vdb/header.h \
+for file in core/up.cpp vdb/up.h trainer/sideways.cpp export/sideways.cpp trainer/measure.cpp bench/up.cpp \
+    bench/words.cpp bench/print.cpp core/tree.cpp vdb/header.h \
     trainer/threads.cpp trainer/picture.cpp vdb/lanes.cpp export/words.cpp vdb/leave.cpp core/print.cpp \
     core/print_c.cpp cli/licence.cpp; do
     grep -q "^$file:" <<<"$found" || { echo "not found: $file"; status=1; }
 done
-grep -q '^14 breaches' <<<"$found" || { echo "$found"; status=1; }
+grep -q '^18 breaches' <<<"$found" || { echo "$found"; status=1; }
 exit $status
