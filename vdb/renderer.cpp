@@ -2,6 +2,7 @@
 #include "vdb/renderer.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "core/error.h"
 #include "core/parallel.h"
@@ -45,7 +46,10 @@ Vec3f rawSlope(const Bricks& bricks, const KeptSamples& kept, int i) {
 }  // namespace
 
 Renderer::Renderer(const Model& model, const RenderOptions& options)
-    : model_(model), options_(options), occupancy_(findOccupied(model.field, options.min_alpha)) {}
+    : Renderer(model, options, findOccupied(model.field, options.min_alpha)) {}
+
+Renderer::Renderer(const Model& model, const RenderOptions& options, Occupancy occupancy)
+    : model_(model), options_(options), occupancy_(std::move(occupancy)) {}
 
 RenderedImage Renderer::render(const Camera& camera) const {
     const std::string problem = cameraProblem(camera);

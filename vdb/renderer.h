@@ -28,6 +28,8 @@ struct RenderedImage {
 class Renderer {
 public:
     Renderer(const Model& model, const RenderOptions& options);
+    /// With occupied cells of the caller's choice instead of those above options.min_alpha.
+    Renderer(const Model& model, const RenderOptions& options, Occupancy occupancy);
     RenderedImage render(const Camera& camera) const;
 
 private:

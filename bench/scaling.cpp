@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "bench/scaling.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "bench/repeat.h"
+#include "bench/result_plot.h"
+#include "bench/training_probe.h"
+#include "core/error.h"
+#include "core/parallel.h"
+#include "vdb/renderer.h"
+
+namespace nerfvdb {
+namespace {
+
+constexpr int kPredicted = 16;  // threads
+constexpr const char* kShare = "serial share, ";
+constexpr const char* kPrediction = "speed-up on 16 threads, ";
+
+/// 1, 2, 4, ... and the last.
+std::vector<int> threadCounts(int most) {
+    std::vector<int> counts;
+    for (int n = 1; n < most; n *= 2) counts.push_back(n);
+    counts.push_back(most);
+    return counts;
+}
+
+/// Work of one series, the same whatever the number of threads.
+struct Work {
+    std::string series;
+    double rays = 0;
+    std::function<void()> run;
+};
+
+}  // namespace
+
+double serialShare(std::span<const std::pair<int, double>> threads_seconds) {
+    double one = 0;
+    for (const auto& [threads, seconds] : threads_seconds)
+        if (threads == 1) one = seconds;
+    if (!(one > 0)) throw UsageError("serial share", "no time of one thread", "one");
+    // T(n) / T(1) - 1/n = s (1 - 1/n): a line through the origin.
+    double products = 0, squares = 0;
+    for (const auto& [threads, seconds] : threads_seconds) {
+        const double share = 1.0 / threads;
+        products += (seconds / one - share) * (1 - share);
+        squares += (1 - share) * (1 - share);
+    }
+    return squares > 0 ? std::clamp(products / squares, 0.0, 1.0) : 0.0;
+}
+
+double amdahlSpeedup(double serial_share, int threads) {
+    return 1 / (serial_share + (1 - serial_share) / threads);
+}
+
+BenchResult benchScaling(const Subject& subject, const ScalingOptions& options, Report& report) {
+    if (subject.test.views.empty())
+        throw DataError(subject.test.root.string(), "no held-out views", "at least one to render");
+    BenchResult result;
+    result.kind = "scaling";
+    result.title = "Scaling: " + subject.name;
+    result.facts = gatherFacts();
+    result.columns = {{"threads"},
+                      secondsColumn("seconds"),
+                      secondsColumn("cpu_seconds"),
+                      {"rays_per_s", "1/s", Better::higher, Noise::timed, 0.03, 0},
+                      {"speedup", "", Better::higher, Noise::noisy, 0.03, 0}};
+
+    TrainingProbe probe(subject.model, subject.train);
+    std::vector<Work> works;
+    for (const int batch : options.batches)
+        works.push_back({"training, " + std::to_string(batch) + " rays", static_cast<double>(batch),
+                         [&probe, batch] { probe.step(batch); }});
+    const Renderer renderer(subject.model, {});
+    const Camera& full = subject.test.views.front().camera;
+    for (const double scale : options.scales) {
+        const Camera camera = resized(full, std::max(1, static_cast<int>(std::lround(full.width * scale))),
+                                      std::max(1, static_cast<int>(std::lround(full.height * scale))));
+        works.push_back({"rendering, " + std::to_string(camera.width) + "x" + std::to_string(camera.height),
+                         static_cast<double>(camera.width) * camera.height,
+                         [&renderer, camera] { renderer.render(camera); }});
+    }
+
+    // Every series at every number of threads, in turn.
+    const std::vector<int> counts = threadCounts(threadCount());
+    std::vector<std::function<void()>> bodies;
+    for (const Work& work : works)
+        for (const int threads : counts)
+            bodies.push_back([&work, threads] {
+                const ThreadLimit limit(threads);
+                work.run();
+            });
+    constexpr double kSampleSeconds = 0.05;  // a step of 512 rays takes but a few milliseconds
+    const std::vector<Timing> timings =
+        timeInTurn(bodies, {.repeats = options.repeats, .min_sample_s = kSampleSeconds}, "scaling", report);
+
+    for (std::size_t w = 0; w < works.size(); ++w) {
+        const Timing* const timing = &timings[w * counts.size()];  // one entry per number of threads
+        std::vector<std::pair<int, double>> medians;
+        for (std::size_t c = 0; c < counts.size(); ++c) {
+            BenchRow row{works[w].series,
+                         std::to_string(counts[c]) + (counts[c] == 1 ? " thread" : " threads"),
+                         {{static_cast<double>(counts[c])}, timing[c].wall_s, timing[c].cpu_s, {}, {}}};
+            for (std::size_t r = 0; r < timing[c].wall_s.size(); ++r) {
+                row.cells[3].push_back(works[w].rays / timing[c].wall_s[r]);
+                row.cells[4].push_back(timing[0].wall_s[r] / timing[c].wall_s[r]);
+            }
+            medians.emplace_back(counts[c], summarize(timing[c].wall_s).median);
+            result.rows.push_back(std::move(row));
+        }
+        if (counts.size() == 1) continue;
+        const double share = serialShare(medians);
+        result.figures.emplace_back(kShare + works[w].series, share);
+        result.figures.emplace_back(kPrediction + works[w].series, amdahlSpeedup(share, kPredicted));
+    }
+    const StepReport step = probe.step(options.batches.back());
+    result.figures.emplace_back(
+        "share of training rays that meet something",
+        1 - static_cast<double>(step.trace.rays_skipped) / static_cast<double>(step.rays));
+    result.notes.push_back("training steps repeat the same rays with all rates zero, on the finished model");
+    return result;
+}
+
+Plot scalingPlot(const BenchResult& result) {
+    Plot plot = plotColumns(result, "threads", "speedup");
+    plot.x = {.label = "threads", .is_log = true, .ticks = {1, 2, 4, 8, 16, 32, 64, 128, 256}};
+    plot.y = {.label = "speed-up over one thread; dashed: Amdahl's law from the measured serial share",
+              .begins_at_zero = true};
+    for (const auto& [name, share] : result.figures) {
+        if (name.rfind(kShare, 0) != 0) continue;
+        const std::string measured = name.substr(std::string(kShare).size());
+        PlotSeries predicted{measured + ", predicted", {}, Stroke::dashed, false};
+        for (std::size_t s = 0; s < plot.series.size(); ++s)
+            if (plot.series[s].name == measured) predicted.drawn_like = static_cast<int>(s);
+        for (int threads = 1; threads <= kPredicted; ++threads)
+            predicted.points.push_back({static_cast<double>(threads), amdahlSpeedup(share, threads)});
+        plot.series.push_back(std::move(predicted));
+    }
+    return plot;
+}
+
+}  // namespace nerfvdb

@@ -1,0 +1,33 @@
+// SPDX-License-Identifier: Apache-2.0
+// What each kind of skipping saves and what it costs: rendering and training with all of them, and without
+// each.
+#pragma once
+
+#include "bench/plot.h"
+#include "bench/result.h"
+#include "bench/scene.h"
+
+namespace nerfvdb {
+
+struct SkipOptions {
+    int repeats = 5;
+    int batch = 4096;  // rays a training step
+};
+
+/// Series "rendering" and "training", a row for each kind that has a switch: what is skipped in the label.
+/// Columns: seconds of a frame or step with everything skipped (repeated in each row), and without this kind;
+/// samples a ray whose density and whose features were read, both ways; psnr of held-out views, both ways
+/// (rendering only).
+///
+/// The switches: empty leaves are no longer jumped: every leaf of the box that holds nothing is walked, as one
+/// empty leaf that stands for all of them (a dense grid would also pay for its memory). Empty voxels: every
+/// cell of an occupied leaf is looked at. Behind surfaces: rays go on to the end of the box. Negligible
+/// weights: features are read for every sample. Nearly empty cells: cells of any alpha count. Rays that meet
+/// nothing (training): rays come from all pixels that show the scene's box, and seconds are those of as many
+/// useful rays.
+BenchResult benchSkip(const Subject& subject, const SkipOptions& options, Report& report);
+
+/// Time without each kind over time with all of them.
+Plot skipPlot(const BenchResult& result);
+
+}  // namespace nerfvdb
