@@ -25,6 +25,7 @@ Command addRender(CLI::App& program);  // model + cameras -> pictures
 Command addExport(CLI::App& program);  // model -> .vdb for other programs
 Command addMesh(CLI::App& program);    // model -> .ply, .obj
 Command addInfo(CLI::App& program);    // what a model or a data set holds
+Command addBench(CLI::App& program);   // speed and quality, measured and compared
 Command addSynth(CLI::App& program);   // procedural scene -> data set with exact truth
 
 /// --threads, --json and --version, which every command has.

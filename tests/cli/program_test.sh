@@ -36,7 +36,7 @@ has_keys() {
     for key in "$@"; do grep -q "\"$key\":" "$file" || fail "$file has no key $key: $(cat "$file")"; done
 }
 
-readonly commands=(train eval render export mesh info synth)
+readonly commands=(train eval render export mesh info synth bench)
 
 # A data set that trains in moments.
 tiny_scene() { expect 0 synth sphere --out data --views 12 --val-views 0 --test-views 3 --width 48 --height 48 "$@"; }
@@ -215,6 +215,41 @@ JSON
     [[ -s volume.vdb && -s mesh.ply && -s mesh.obj ]] || fail "an export is missing"
     expect 1 info volume.vdb
     says err "volume.vdb"
+}
+
+test_bench() {
+    tiny_scene --no-truth
+    tiny_model
+    expect 0 bench render model.vdb --data data --repeats 1 --views 1 --out results --json -
+    has_keys out kind facts columns rows cpu simd_target commit
+    says out '"psnr_finest"'
+    expect 0 bench skip model.vdb --data data --repeats 1 --views 1 --out results
+    says out "empty voxels"
+    expect 0 bench scaling model.vdb --repeats 1 --views 1 --out results
+    says out "serial share"
+    expect 0 bench quality data --times 1s --out results
+    says out "psnr"
+    for kind in render skip scaling quality; do
+        [[ -s results/$kind.json && -s results/$kind.csv && -s results/$kind.svg ]] || fail "$kind: $(ls results)"
+    done
+    [[ $(find results -name '.*' -type d | wc -l) -eq 0 ]] || fail "left behind: $(ls -A results)"
+
+    expect 0 bench compare results/render.json results/render.json
+    says out "0 worse"
+    sed -E 's/"min_difference": 0.05/"min_difference": 0.001/' results/render.json >before.json
+    sed -E 's/"psnr_finest"/"psnr_photos_"/; s/"psnr_photos"/"psnr_finest"/; s/"psnr_photos_"/"psnr_photos"/' \
+        before.json >after.json
+    expect 1 bench compare before.json after.json
+    says out "worse: "
+    expect 1 bench compare results/render.json results/skip.json
+    says err "two results of one kind"
+    expect 1 bench compare results/render.json nowhere.json
+    expect 1 bench render nowhere.vdb
+    says err "nowhere.vdb"
+    expect 2 bench fly
+    expect 2 bench quality data --presets slow
+    expect 2 bench quality data --times soon
+    says err "--times"
 }
 
 test_threads() {
