@@ -98,7 +98,7 @@ BenchResult benchScaling(const Subject& subject, const ScalingOptions& options, 
 
     for (std::size_t w = 0; w < works.size(); ++w) {
         const Timing* const timing = &timings[w * counts.size()];  // one entry per number of threads
-        std::vector<std::pair<int, double>> medians;
+        std::vector<std::pair<int, double>> relative;
         for (std::size_t c = 0; c < counts.size(); ++c) {
             BenchRow row{works[w].series,
                          std::to_string(counts[c]) + (counts[c] == 1 ? " thread" : " threads"),
@@ -107,11 +107,13 @@ BenchResult benchScaling(const Subject& subject, const ScalingOptions& options, 
                 row.cells[3].push_back(works[w].rays / timing[c].wall_s[r]);
                 row.cells[4].push_back(timing[0].wall_s[r] / timing[c].wall_s[r]);
             }
-            medians.emplace_back(counts[c], summarize(timing[c].wall_s).median);
+            // Times relative to one thread's of the same round: a machine that slows down between rounds is no
+            // share.
+            relative.emplace_back(counts[c], 1 / summarize(row.cells[4]).median);
             result.rows.push_back(std::move(row));
         }
         if (counts.size() == 1) continue;
-        const double share = serialShare(medians);
+        const double share = serialShare(relative);
         result.figures.emplace_back(kShare + works[w].series, share);
         result.figures.emplace_back(kPrediction + works[w].series, amdahlSpeedup(share, kPredicted));
     }
