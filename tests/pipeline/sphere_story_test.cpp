@@ -26,7 +26,7 @@ using namespace nerfvdb;
 namespace {
 
 constexpr double kRadius = 0.8;      // of the ball that `synth sphere` shows
-constexpr double kLeastPsnr = 34.2;  // dB; measured 35.2, less one for other instruction sets and small changes
+constexpr double kLeastPsnr = 34.5;  // dB; measured 35.5, less one for other instruction sets and small changes
 
 Model trained(int threads) {
     static const Dataset dataset = test::surroundedSphereDataset(24, 100);
@@ -84,7 +84,7 @@ void checkMesh(const Model& model) {
     options.iso = automaticIso(model.field) / 6;
     Report silent;
     Mesh mesh = extractSurface(model, options, silent);
-    removeIslands(mesh, {/*keep_largest=*/1, /*min_faces=*/0});  // up to three crumbs float outside
+    removeIslands(mesh, {/*keep_largest=*/1, /*min_faces=*/0});  // a crumb or two float outside
     const MeshMeasures measures = measureMesh(mesh);
     CHECK(measures.closed());
     CHECK(measures.degenerate_faces == 0);
@@ -98,10 +98,10 @@ void checkMesh(const Model& model) {
         mean += radius / static_cast<double>(mesh.positions.size());
     }
     std::sort(error.begin(), error.end());
-    // Measured with three seeds: mean 0.812, 99 % below 0.94 voxels, the worst vertex 1.53.
+    // Measured with three seeds: mean 0.813, 99 % below 0.89 voxels, the worst vertex 1.2.
     CHECK(std::abs(mean - kRadius) < 0.6 * voxel);
     CHECK(error[error.size() * 99 / 100] < 1);
-    CHECK(error.back() < 2);
+    CHECK(error.back() < 1.5);
 }
 
 }  // namespace
