@@ -238,10 +238,10 @@ std::vector<Kernel> kernelsOf(KernelData& data, const KernelSet& set) {
                        }});
     // Rates of zero and moments that do not decay: the same work, again and again on the same numbers; values
     // that shrink would run into denormal numbers, which are slow.
-    kernels.push_back({"rmsPropLeaf, a voxel", kLeafVoxels, 24 + 8 + 16 * c, 16 + 13 * c, [&data, set] {
+    kernels.push_back({"rmsPropLeaf, a voxel", kLeafVoxels, 24 + 8 + 16 * c, 30 + 13 * c, [&data, set] {
                            data.touched.fill(~std::uint64_t{0});
                            set.optimise(
-                               data.channels, {0, 0, 1.0f, 1e-4f, 0.01f, 0.2f}, data.active.data(),
+                               data.channels, {0, 0, 1.0f, 1e-4f, 0.01f, 0.03f, 0.2f}, data.active.data(),
                                {data.gradient.data(), data.feature_gradient.data(), data.touched.data()},
                                data.leaf_density.data(), data.moment.data(), data.leaf_features.data(),
                                data.feature_moment.data());

@@ -22,7 +22,6 @@ constexpr const char* kVoxels = "empty voxels";
 constexpr const char* kSpace = "empty leaves and voxels";
 constexpr const char* kBehind = "behind surfaces";
 constexpr const char* kWeights = "negligible weights";
-constexpr const char* kFaint = "nearly empty cells";
 constexpr const char* kRays = "rays that meet nothing";
 constexpr const char* kEverything = "all of these";
 
@@ -82,19 +81,19 @@ void benchFrames(const Subject& subject, const Unskipped& unskipped, const SkipO
                  BenchResult& result) {
     const std::vector<View>& views = subject.test.views;
     const Model& model = subject.model;
-    RenderOptions plain, to_the_end, all_weights, faint, everything;
+    RenderOptions plain, to_the_end, all_weights, all_rays, everything;
     to_the_end.trace = withoutStop(plain.trace);
     all_weights.trace = withoutThreshold(plain.trace);
-    faint.min_alpha = 0;
-    everything.trace = withoutThreshold(withoutStop(plain.trace));
+    all_rays.trace.skip_unlit = false;
+    everything.trace = withoutThreshold(withoutStop(all_rays.trace));
 
     std::deque<Frame> frames;  // stays in place while it grows: bodies refer to its elements
     frames.push_back({"", Renderer(model, plain)});
     frames.push_back({kLeaves, Renderer(model, plain, unskipped.walkedLeaves())});
     frames.push_back({kVoxels, Renderer(unskipped.full(), plain, unskipped.wholeLeaves())});
-    frames.push_back({kFaint, Renderer(model, faint)});
     frames.push_back({kBehind, Renderer(model, to_the_end)});
     frames.push_back({kWeights, Renderer(model, all_weights)});
+    frames.push_back({kRays, Renderer(model, all_rays)});
     if (const auto dense = unskipped.wholeBox()) {
         frames.push_back({kSpace, Renderer(unskipped.full(), plain, *dense)});
         frames.push_back({kEverything, Renderer(unskipped.full(), everything, *dense)});

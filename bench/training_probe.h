@@ -12,7 +12,7 @@ namespace nerfvdb {
 class TrainingProbe {
 public:
     /// Keeps references to the data set and, through the ray source, to nothing else.
-    TrainingProbe(const Model& model, const Dataset& dataset, float min_alpha = 0.01f);
+    TrainingProbe(const Model& model, const Dataset& dataset, float min_alpha = 0);
 
     /// One step of `batch` rays, the same rays each time.
     StepReport step(int batch, const TraceOptions& trace = {});

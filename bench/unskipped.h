@@ -14,7 +14,7 @@ namespace nerfvdb {
 /// Occupancies of one model at a threshold of min_alpha. Keeps a reference to the model.
 class Unskipped {
 public:
-    explicit Unskipped(const Model& model, float min_alpha = 0.01f);
+    explicit Unskipped(const Model& model, float min_alpha = 0);
 
     /// For the model itself: leaves without occupied cells are walked sample by sample, and each sample finds
     /// its cell's bit cleared.

@@ -91,4 +91,10 @@ double progressAt(const std::vector<Stage>& stages, std::size_t stage, std::int6
     return std::min(done, 1.0);
 }
 
+double rateFactor(double progress) {
+    constexpr double kHeld = 0.6;    // of the training
+    constexpr double kFinal = 0.07;  // at its end
+    return std::pow(kFinal, std::clamp((progress - kHeld) / (1 - kHeld), 0.0, 1.0));
+}
+
 }  // namespace nerfvdb

@@ -48,4 +48,9 @@ std::string scheduleText(const std::vector<Stage>& stages);
 /// Fraction of the training done after `step_in_stage` steps of stage `stage`, [0, 1]: shares, not steps.
 double progressAt(const std::vector<Stage>& stages, std::size_t stage, std::int64_t step_in_stage);
 
+/// What learning rates are multiplied with at this progress: 1 for most of the time, then falling exponentially.
+/// Large rates find the scene, small ones take the noise of single batches out of it; to fall from the start on
+/// would waste time on rates that are neither.
+double rateFactor(double progress);
+
 }  // namespace nerfvdb

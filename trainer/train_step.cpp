@@ -38,8 +38,9 @@ StepReport TrainStepper::step(TrainState& state, const RaySource& source, std::u
     if (!report.is_finite) return report;  // nothing has moved yet
 
     const int channels = state.field.channels();
-    const RmsPropRates voxel_rates{rates.density, rates.features, rates.decay,
-                                   rates.epsilon, rates.sparsity, rates.smoothing};
+    const RmsPropRates voxel_rates{rates.density, rates.features,          rates.decay,
+                                   rates.epsilon, rates.sparsity,          rates.density_smoothing,
+                                   rates.feature_smoothing};
     scatter_.run(state.field.topology(), channels, std::span(gradients_.data(), n_tiles),
                  [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask& seen) {
                      const std::size_t first = static_cast<std::size_t>(leaf) * kLeafVoxels;
@@ -72,7 +73,10 @@ void TrainStepper::runTile(TrainState& state, const RaySource& source, std::uint
         tracer.addRay(scene, worker.rays[r].ray, trace.step_voxels, worker.rays[r].jitter);
     }
     tracer.trace(scene, trace, gradients.kept);
-    state.decoder.forward(n_rays, tracer.rayFeatures(), tracer.directions(), worker.rgb.data(), worker.decoding);
+    const std::vector<std::int32_t>& lit = tracer.litRays();
+    const int n_lit = static_cast<int>(lit.size());
+    state.decoder.forward(n_lit, tracer.rayFeatures(), tracer.directions(), worker.rgb.data(), worker.decoding,
+                          lit.data());
 
     tile.report = {};
     tile.report.rays = static_cast<std::uint64_t>(n_rays);
@@ -102,8 +106,8 @@ void TrainStepper::runTile(TrainState& state, const RaySource& source, std::uint
 
     tile.dl_dnetwork.assign(state.decoder.parameters().size(), 0.0f);
     gradients.dl_dray_features.resize(static_cast<std::size_t>(kMaxTileRays) * state.field.channels());
-    state.decoder.backward(n_rays, worker.dl_drgb.data(), gradients.dl_dray_features.data(), tile.dl_dnetwork,
-                           worker.decoding);
+    state.decoder.backward(n_lit, worker.dl_drgb.data(), gradients.dl_dray_features.data(), tile.dl_dnetwork,
+                           worker.decoding, lit.data());
     tracer.traceBackward(scene, gradients.dl_dray_features.data(), worker.dl_dtransmittance.data(), gradients.kept);
     gradients.bin(state.field.topology());
     tile.report.trace = tracer.counters();

@@ -22,7 +22,8 @@ struct StepRates {
     float decay = 0.95f;     // of the voxels' second moments
     float epsilon = 1e-4f;   // on gradients summed over the batch
     float sparsity = 0.01f;  // see RmsPropRates: free space becomes empty although no view contradicts its fog ...
-    float smoothing = 0.2f;  // ... and voxels that few rays met learn from their neighbours
+    float density_smoothing = 0.03f;  // ... surfaces are as smooth as the photographs let them be ...
+    float feature_smoothing = 0.2f;   // ... and voxels that few rays met learn from their neighbours
 };
 
 /// What learns.

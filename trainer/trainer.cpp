@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/metrics.h"
 #include "trainer/checkpoint.h"
+#include "trainer/faint_cells.h"
 #include "trainer/scene_box.h"
 #include "vdb/adapt.h"
 
@@ -16,9 +17,7 @@ namespace nerfvdb {
 namespace {
 
 constexpr int kChannels = 8;
-constexpr double kFinalRate = 0.3;          // learning rates fall to this share of themselves, exponentially
 constexpr int kWarmUpSteps = 20;            // rates rise linearly at the very start
-constexpr float kMinAlpha = 0.01f;          // cells that stop less light over a voxel are not looked at
 constexpr double kUnitsPerBox = 260;        // density is learned per 1/260 of the box's longest side ...
 constexpr float kInitialRaw = -4.19f;       // ... and starts at alpha 0.03 over two such units
 constexpr double kErrorMemory = 0.99;       // of the running mean of the error, per step
@@ -241,7 +240,8 @@ std::int64_t Training::totalSteps() const {
 }
 
 void Training::updateOccupancy() {
-    state_.occupancy = findOccupied(state_.field, kMinAlpha);
+    state_.occupancy = findOccupied(
+        state_.field, chooseMinAlpha(state_.field, source_, static_cast<std::uint64_t>(place_.step)));
     source_.update(state_.field, state_.occupancy);
     if (source_.tileCount() == 0)
         throw NumericError(
@@ -253,7 +253,7 @@ StepRates Training::rates() const {
     StepRates rates;
     const double progress = progressAt(place_.stages, place_.stage, place_.step_in_stage);
     const double warm_up = std::min(1.0, static_cast<double>(place_.step + 1) / kWarmUpSteps);
-    const float factor = static_cast<float>(warm_up * std::pow(kFinalRate, progress));
+    const float factor = static_cast<float>(warm_up * rateFactor(progress));
     rates.density *= factor;
     rates.features *= factor;
     rates.network *= factor;
@@ -389,8 +389,8 @@ TrainResult Training::finish(bool interrupted) {
     tell(/*force=*/true);
     report_.end();
     TrainResult result;
-    const Occupancy occupancy = findOccupied(state_.field, kMinAlpha);
-    result.model.field = copyField(state_.field, prune(state_.field.topology(), occupancy.cells));
+    updateOccupancy();
+    result.model.field = copyField(state_.field, prune(state_.field.topology(), state_.occupancy.cells));
     result.model.decoder = state_.decoder;
     result.model.background = state_.background;
     result.model.info.schedule = scheduleText(place_.stages);

@@ -25,7 +25,8 @@ Decoder::Decoder(int channels, std::uint64_t seed)
     parameters_ = initialMlpParameters(shape_, seed, kOutputGain);
 }
 
-void Decoder::forward(int n, const float* features, const float* direction, float* rgb, Workspace& work) const {
+void Decoder::forward(int n, const float* features, const float* direction, float* rgb, Workspace& work,
+                      const std::int32_t* rows) const {
     if (work.activations.stride < n || work.activations.offsets.size() != shape_.widths.size()) {
         work.activations.resize(shape_, n);
         work.gradients.resize(shape_, n);
@@ -34,26 +35,28 @@ void Decoder::forward(int n, const float* features, const float* direction, floa
     const int stride = work.activations.stride;
     float* const input = work.activations.layer(0);
     for (int i = 0; i < n; ++i) {
-        for (int c = 0; c < channels_; ++c) input[c * stride + i] = features[i * channels_ + c];
-        sphericalHarmonics(direction[i * 3], direction[i * 3 + 1], direction[i * 3 + 2],
+        const int row = rows ? rows[i] : i;
+        for (int c = 0; c < channels_; ++c) input[c * stride + i] = features[row * channels_ + c];
+        sphericalHarmonics(direction[row * 3], direction[row * 3 + 1], direction[row * 3 + 2],
                            input + channels_ * stride + i, stride);
     }
     mlpForward(shape_, parameters_, n, work.activations);
     const float* const output = work.activations.layer(shape_.layerCount());
     for (int c = 0; c < 3; ++c)
         for (int i = 0; i < n; ++i)
-            rgb[i * 3 + c] = work.rgb[c * stride + i] = sigmoid(input[c * stride + i] + output[c * stride + i]);
+            rgb[(rows ? rows[i] : i) * 3 + c] = work.rgb[c * stride + i] =
+                sigmoid(input[c * stride + i] + output[c * stride + i]);
 }
 
 void Decoder::backward(int n, const float* dl_drgb, float* dl_dfeatures, std::span<float> dl_dparameters,
-                       Workspace& work) const {
+                       Workspace& work, const std::int32_t* rows) const {
     const int stride = work.activations.stride;
     const int padded = (n + kPadding - 1) / kPadding * kPadding;
     float* const dl_doutput = work.gradients.layer(shape_.layerCount());
     for (int c = 0; c < 3; ++c) {
         for (int i = 0; i < n; ++i) {
             const float value = work.rgb[c * stride + i];
-            dl_doutput[c * stride + i] = dl_drgb[i * 3 + c] * value * (1 - value);
+            dl_doutput[c * stride + i] = dl_drgb[(rows ? rows[i] : i) * 3 + c] * value * (1 - value);
         }
         for (int i = n; i < padded; ++i) dl_doutput[c * stride + i] = 0;
     }
@@ -61,7 +64,7 @@ void Decoder::backward(int n, const float* dl_drgb, float* dl_dfeatures, std::sp
     const float* const dl_dinput = work.gradients.layer(0);
     for (int i = 0; i < n; ++i)
         for (int c = 0; c < channels_; ++c)
-            dl_dfeatures[i * channels_ + c] =
+            dl_dfeatures[(rows ? rows[i] : i) * channels_ + c] =
                 dl_dinput[c * stride + i] + (c < 3 ? dl_doutput[c * stride + i] : 0.0f);
 }
 

@@ -31,13 +31,16 @@ public:
         std::vector<float> rgb;  // [3][stride]
     };
 
-    /// Shapes: features [n][channels], direction [n][3] (unit, world, the way light is looked along)
-    ///         -> rgb [n][3] in (0, 1), sRGB values. Kept in the workspace for backward.
-    void forward(int n, const float* features, const float* direction, float* rgb, Workspace& work) const;
+    /// Shapes: features [row][channels], direction [row][3] (unit, world, the way light is looked along)
+    ///         -> rgb [row][3] in (0, 1), sRGB values. Kept in the workspace for backward.
+    /// Done for the n rows whose numbers stand in `rows`, others are not touched; null: for the first n.
+    void forward(int n, const float* features, const float* direction, float* rgb, Workspace& work,
+                 const std::int32_t* rows = nullptr) const;
 
-    /// dl_drgb [n][3] -> dl_dfeatures [n][channels] (overwritten), dl_dparameters (added to).
+    /// dl_drgb [row][3] -> dl_dfeatures [row][channels] (overwritten), dl_dparameters (added to). The same n and
+    /// rows as in forward.
     void backward(int n, const float* dl_drgb, float* dl_dfeatures, std::span<float> dl_dparameters,
-                  Workspace& work) const;
+                  Workspace& work, const std::int32_t* rows = nullptr) const;
 
     /// Colour without view-dependence: rgb of forward averaged over directions spread evenly on the sphere.
     /// features [n][channels] -> rgb [n][3], sRGB values. What plain renderers and meshes get.

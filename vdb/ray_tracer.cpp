@@ -116,6 +116,13 @@ void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, Kept
         kept.n = k;
         n_alive = n_left;
     }
+
+    // Marked in begin_, which the rounds are done with.
+    std::fill_n(begin_.begin(), n_rays_, 0);
+    for (int i = 0; i < kept.n; ++i) begin_[kept.ray[i]] = 1;
+    lit_.clear();
+    for (int r = 0; r < n_rays_; ++r)
+        if (begin_[r] || transmittance_[r] < 1 || !options.skip_unlit) lit_.push_back(r);
     counters_.samples_features += static_cast<std::uint64_t>(kept.n);
 
     const std::size_t n_features = static_cast<std::size_t>(kept.n + kPadding) * channels;

@@ -24,6 +24,7 @@ struct TraceOptions {
     float stop_transmittance = 1e-4f;  // a ray ends when less light than this is left
     float min_weight = 1e-3f;          // features of samples below this weight are not read ...
     float max_dropped = 0.01f;         // ... as long as the weights dropped on their ray sum to at most this
+    bool skip_unlit = true;            // rays that meet nothing are not decoded
 };
 
 /// A field and its occupied cells, ready to be traced. Borrows both.
@@ -79,6 +80,8 @@ public:
     void traceBackward(const TraceScene& scene, const float* dl_dray_features, const float* dl_dtransmittance,
                        KeptSamples& kept);
 
+    /// Rays that met something, in order (all, without skip_unlit). The others show what is behind the scene.
+    const std::vector<std::int32_t>& litRays() const { return lit_; }
     const float* transmittance() const { return transmittance_.data(); }  // [ray] T_end
     float* rayFeatures() { return ray_features_.data(); }                 // [ray][channels] F
     const float* directions() const { return directions_.data(); }        // [ray][3] unit, world
@@ -90,7 +93,7 @@ public:
 private:
     int n_rays_ = 0;
     std::vector<float> ox_, oy_, oz_, dx_, dy_, dz_, length_, offset_, entry_, directions_;
-    std::vector<std::int32_t> next_, alive_, begin_;
+    std::vector<std::int32_t> next_, alive_, begin_, lit_;
     std::vector<float> transmittance_, dropped_, ray_features_;
     std::vector<std::int32_t> leaf_, cell_;
     std::vector<float> x_, y_, z_, t_, raw_, tau_, alpha_, decay_;

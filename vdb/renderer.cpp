@@ -76,8 +76,9 @@ RenderedImage Renderer::render(const Camera& camera) const {
             for (int x = x0; x < x1; ++x)
                 tracer.addRay(scene, cameraRay(camera, x + 0.5, y + 0.5), options_.trace.step_voxels, 0.5f);
         tracer.trace(scene, options_.trace, worker.kept);
-        model_.decoder.forward(tracer.rayCount(), tracer.rayFeatures(), tracer.directions(), worker.rgb.data(),
-                               worker.decoding);
+        const std::vector<std::int32_t>& lit = tracer.litRays();
+        model_.decoder.forward(static_cast<int>(lit.size()), tracer.rayFeatures(), tracer.directions(),
+                               worker.rgb.data(), worker.decoding, lit.data());
 
         const KeptSamples& kept = worker.kept;
         // The mean over kept samples: what was dropped has opacity, but no place.

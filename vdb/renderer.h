@@ -11,7 +11,8 @@ namespace nerfvdb {
 
 struct RenderOptions {
     TraceOptions trace;
-    float min_alpha = 0.01f;  // cells whose densest corner stops less light than this over one voxel are skipped
+    float min_alpha = 0;      // cells whose densest corner stops less light than this over one voxel are skipped;
+                              // 0: none, training has left only those that matter
     bool normals = false;     // also the picture of normals (costs a density gradient per kept sample)
 };
 

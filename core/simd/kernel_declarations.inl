@@ -29,10 +29,10 @@ void accumulateLeaf(int n, const LeafContribution* contributions, int channels, 
 
 /// RMSprop on the touched voxels of one leaf, one second moment per voxel for all its features:
 ///   m = decay m + (1 - decay) mean(g^2),  u = g / (sqrt(m) + epsilon)
-///   density  -= density_rate (u + sparsity)
-///   features -= feature_rate (u + smoothing (features - mean of the face neighbours))
+///   density  -= density_rate (u + sparsity + density_smoothing clamp(density - mean of the face neighbours, -1, 1))
+///   features -= feature_rate (u + feature_smoothing (features - mean of the face neighbours))
 /// Neighbours are those in the same leaf whose bit in `active` [8] is set; voxels are done in order, so that some
-/// are new already. Both pulls stand beside u, not in g: whatever the gradients' size, they stay small against a
+/// are new already. The pulls stand beside u, not in g: whatever the gradients' size, they stay small against a
 /// step that samples agree on, and decide where samples do not.
 /// Source: Tieleman and Hinton 2012, lecture 6.5; lazy: untouched voxels keep their moments; pulls decoupled as in
 /// Loshchilov and Hutter 2019, "Decoupled weight decay regularization". Clears the gradient.

@@ -331,6 +331,27 @@ struct FaceNeighbours {
     }
 };
 
+/// The face neighbours of one voxel. Without branches: no processor foresees which exist.
+struct Around {
+    int voxel[6];     // an absent one is the voxel itself, times 0
+    float weight[6];
+    float share;      // 1 / their number
+    float any;        // 1 if there are some, else 0
+
+    Around(const FaceNeighbours& neighbours, int center) {
+        constexpr float kShare[7] = {0, 1.0f, 1.0f / 2, 1.0f / 3, 1.0f / 4, 1.0f / 5, 1.0f / 6};
+        int n = 0;
+        for (int i = 0; i < 6; ++i) {
+            const int exists = static_cast<int>(neighbours.exists[i] >> (center & 63) & 1);
+            voxel[i] = center + (FaceNeighbours::kOffsets[i] & -exists);
+            weight[i] = static_cast<float>(exists);
+            n += exists;
+        }
+        share = kShare[n];
+        any = n > 0 ? 1.0f : 0.0f;
+    }
+};
+
 /// Asks for all that an update will read, at once: one after the other each voxel would wait for memory.
 template <int kChannels>
 HWY_INLINE void prefetchLeaf(const std::uint64_t* active, const std::uint64_t* touched, const float* density,
@@ -341,35 +362,36 @@ HWY_INLINE void prefetchLeaf(const std::uint64_t* active, const std::uint64_t* t
         std::uint64_t read = touched[word];
         for (std::uint64_t bits = read; bits; bits &= bits - 1) {
             const int voxel = word * 64 + __builtin_ctzll(bits);
-            for (const float* const values : {density, density_moment, feature_moment})
-                __builtin_prefetch(values + voxel);
+            for (const float* const values : {density_moment, feature_moment}) __builtin_prefetch(values + voxel);
         }
         for (const std::uint64_t bits : near.exists) read |= bits & active[word];
-        for (; read; read &= read - 1)
-            __builtin_prefetch(features + (word * 64 + __builtin_ctzll(read)) * kChannels);
+        for (; read; read &= read - 1) {
+            const int voxel = word * 64 + __builtin_ctzll(read);
+            __builtin_prefetch(density + voxel);
+            __builtin_prefetch(features + voxel * kChannels);
+        }
     }
 }
 
-/// Pulls row `voxel` of a leaf's features by `pull` towards the mean of its neighbours. Without branches: no
-/// processor foresees which neighbours exist.
+/// How far a voxel's density stands above the mean of its neighbours', at most 1 either way.
+HWY_INLINE float roughness(const Around& around, float value, const float* density) {
+    float sum = 0;
+    for (int i = 0; i < 6; ++i) sum += around.weight[i] * density[around.voxel[i]];
+    const float above = around.any * (value - sum * around.share);
+    return above > 1 ? 1 : above < -1 ? -1 : above;
+}
+
+/// Pulls row `voxel` of a leaf's features by `pull` towards the mean of its neighbours.
 template <int kChannels>
-HWY_INLINE void smoothRow(const FaceNeighbours& neighbours, int voxel, float pull, float* features) {
+HWY_INLINE void smoothRow(const Around& around, int voxel, float pull, float* features) {
     constexpr hn::CappedTag<float, kChannels> row;
     constexpr int kRowLanes = static_cast<int>(hn::MaxLanes(row));
-    constexpr float kShare[7] = {0, 1.0f, 1.0f / 2, 1.0f / 3, 1.0f / 4, 1.0f / 5, 1.0f / 6};
-    const float* rows[6];
-    float weight[6];
-    int n = 0;
-    for (int i = 0; i < 6; ++i) {
-        const int exists = static_cast<int>(neighbours.exists[i] >> (voxel & 63) & 1);
-        rows[i] = features + (voxel + (FaceNeighbours::kOffsets[i] & -exists)) * kChannels;  // itself, times 0
-        weight[i] = static_cast<float>(exists);
-        n += exists;
-    }
-    const auto share = hn::Set(row, kShare[n]), strength = hn::Set(row, n > 0 ? pull : 0.0f);
+    const auto share = hn::Set(row, around.share), strength = hn::Set(row, around.any * pull);
     for (int c = 0; c < kChannels; c += kRowLanes) {
         auto sum = hn::Zero(row);
-        for (int i = 0; i < 6; ++i) sum = hn::MulAdd(hn::Set(row, weight[i]), hn::LoadU(row, rows[i] + c), sum);
+        for (int i = 0; i < 6; ++i)
+            sum = hn::MulAdd(hn::Set(row, around.weight[i]),
+                             hn::LoadU(row, features + around.voxel[i] * kChannels + c), sum);
         float* const values = features + voxel * kChannels + c;
         const auto value = hn::LoadU(row, values);
         hn::StoreU(hn::MulAdd(strength, hn::MulSub(sum, share, value), value), row, values);
@@ -392,8 +414,10 @@ void rmsPropLeafOf(const RmsPropRates& rates, const std::uint64_t* active, const
             const float g = gradient.density[voxel];
             gradient.density[voxel] = 0;
             density_moment[voxel] = keep * density_moment[voxel] + add * g * g;
+            const Around around(neighbours, voxel);
             density[voxel] -= rates.density_rate *
-                              (g / (__builtin_sqrtf(density_moment[voxel]) + rates.epsilon) + rates.sparsity);
+                              (g / (__builtin_sqrtf(density_moment[voxel]) + rates.epsilon) + rates.sparsity +
+                               rates.density_smoothing * roughness(around, density[voxel], density));
 
             float* const gradients = gradient.features + voxel * kChannels;
             float* const values = features + voxel * kChannels;
@@ -406,8 +430,8 @@ void rmsPropLeafOf(const RmsPropRates& rates, const std::uint64_t* active, const
             feature_moment[voxel] = keep * feature_moment[voxel] + add * mean_square;
             const auto scale =
                 hn::Set(row, rates.feature_rate / (__builtin_sqrtf(feature_moment[voxel]) + rates.epsilon));
-            if (rates.smoothing > 0)
-                smoothRow<kChannels>(neighbours, voxel, rates.feature_rate * rates.smoothing, features);
+            if (rates.feature_smoothing > 0)
+                smoothRow<kChannels>(around, voxel, rates.feature_rate * rates.feature_smoothing, features);
             for (int v = 0; v < kRowVectors; ++v) {
                 const auto gf = hn::LoadU(row, gradients + v * kRowLanes);
                 hn::StoreU(hn::NegMulAdd(scale, gf, hn::LoadU(row, values + v * kRowLanes)), row,

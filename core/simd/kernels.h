@@ -69,7 +69,9 @@ struct RmsPropRates {
     float decay;                     // of the second moments
     float epsilon;
     float sparsity;                  // pull of a density towards empty, in full steps
-    float smoothing;                 // pull of features towards their neighbours' mean, per unit of feature_rate
+    float density_smoothing;         // pull of a density towards its neighbours' mean, in full steps per unit of raw
+                                     // density by which it differs, or for 1 if it differs by more
+    float feature_smoothing;         // pull of features towards their neighbours' mean, per unit of feature_rate
 };
 
 namespace simd {

@@ -130,8 +130,24 @@ void rmsPropLeaf(int channels, const RmsPropRates& rates, const std::uint64_t* a
         if (!(gradient.touched[voxel >> 6] >> (voxel & 63) & 1)) continue;
         const float g = gradient.density[voxel];
         density_moment[voxel] = rates.decay * density_moment[voxel] + (1 - rates.decay) * g * g;
-        density[voxel] -=
-            rates.density_rate * (g / (std::sqrt(density_moment[voxel]) + rates.epsilon) + rates.sparsity);
+        std::vector<int> neighbours;
+        for (const int stride : {64, 8, 1})
+            for (const int side : {-1, 1}) {
+                const int position = voxel / stride % 8 + side;
+                const int neighbour = voxel + side * stride;
+                if (position >= 0 && position < 8 && (active[neighbour >> 6] >> (neighbour & 63) & 1))
+                    neighbours.push_back(neighbour);
+            }
+        // How far a value stands above the mean of its neighbours'.
+        const auto roughness = [&](const float* values, int stride) {
+            if (neighbours.empty()) return 0.0f;
+            float sum = 0;
+            for (const int neighbour : neighbours) sum += values[neighbour * stride];
+            return values[voxel * stride] - sum / static_cast<float>(neighbours.size());
+        };
+        density[voxel] -= rates.density_rate *
+                          (g / (std::sqrt(density_moment[voxel]) + rates.epsilon) + rates.sparsity +
+                           rates.density_smoothing * std::clamp(roughness(density, 1), -1.0f, 1.0f));
         gradient.density[voxel] = 0;
 
         float squares = 0;
@@ -142,23 +158,10 @@ void rmsPropLeaf(int channels, const RmsPropRates& rates, const std::uint64_t* a
         feature_moment[voxel] =
             rates.decay * feature_moment[voxel] + (1 - rates.decay) * squares / static_cast<float>(channels);
         const float scale = rates.feature_rate / (std::sqrt(feature_moment[voxel]) + rates.epsilon);
-        std::vector<int> neighbours;
-        for (const int stride : {64, 8, 1})
-            for (const int side : {-1, 1}) {
-                const int position = voxel / stride % 8 + side;
-                const int neighbour = voxel + side * stride;
-                if (position >= 0 && position < 8 && (active[neighbour >> 6] >> (neighbour & 63) & 1))
-                    neighbours.push_back(neighbour);
-            }
         for (int c = 0; c < channels; ++c) {
-            float& value = features[voxel * channels + c];
-            float roughness = 0;
-            if (!neighbours.empty()) {
-                float sum = 0;
-                for (const int neighbour : neighbours) sum += features[neighbour * channels + c];
-                roughness = value - sum / static_cast<float>(neighbours.size());
-            }
-            value -= scale * gradient.features[voxel * channels + c] + rates.feature_rate * rates.smoothing * roughness;
+            features[voxel * channels + c] -=
+                scale * gradient.features[voxel * channels + c] +
+                rates.feature_rate * rates.feature_smoothing * roughness(features + c, channels);
             gradient.features[voxel * channels + c] = 0;
         }
     }

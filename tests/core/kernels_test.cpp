@@ -183,7 +183,7 @@ TEST_CASE("gradients of one leaf: fast = reference, and the same voxels are touc
 }
 
 TEST_CASE("RMSprop of one leaf: fast = reference; untouched voxels keep everything, gradients are cleared") {
-    const RmsPropRates rates{0.3f, 0.03f, 0.95f, 1e-4f, 0.02f, 0.5f};
+    const RmsPropRates rates{0.3f, 0.03f, 0.95f, 1e-4f, 0.02f, 0.4f, 0.5f};
     for (const int channels : {4, 8, 16}) {
         CAPTURE(channels);
         struct Leaf {
@@ -230,16 +230,18 @@ TEST_CASE("RMSprop of one leaf: fast = reference; untouched voxels keep everythi
     }
 }
 
-TEST_CASE("where samples say nothing, density sinks and features move towards the neighbours that exist") {
-    constexpr int kChannels = 4, kMiddle = 3 * 64 + 4 * 8 + 5, kCorner = 0;
-    const RmsPropRates rates{0.5f, 0.25f, 0.9f, 1e-4f, 0.1f, 0.4f};
+TEST_CASE("where samples say nothing, density sinks, and both move towards the neighbours that exist") {
+    constexpr int kChannels = 4, kMiddle = 3 * 64 + 4 * 8 + 5, kCorner = 0, kPeak = 500;
+    const RmsPropRates rates{0.5f, 0.25f, 0.9f, 1e-4f, 0.1f, 0.2f, 0.4f};
     test::forEachTarget([&] {
         std::vector<float> gradient(512), feature_gradient(512 * kChannels + kPadding), density(512, 2.0f),
             moment(512), features(512 * kChannels + kPadding, 1.0f), feature_moment(512);
         LeafMask touched{}, active{};
-        for (const int voxel : {kCorner, kMiddle}) setBit(touched, voxel);
+        for (const int voxel : {kCorner, kMiddle, kPeak}) setBit(touched, voxel);
         // Of the middle's six neighbours two exist, with values 5 and 2; the others' values must not matter.
         setBit(active, kMiddle - 64), setBit(active, kMiddle + 1);
+        density[kMiddle - 64] = 2.9f, density[kMiddle + 1] = 1.5f, density[kMiddle + 8] = 100.0f;
+        setBit(active, kPeak - 1), density[kPeak] = 9.0f;
         for (int c = 0; c < kChannels; ++c) {
             features[(kMiddle - 64) * kChannels + c] = 5.0f;
             features[(kMiddle + 1) * kChannels + c] = 2.0f;
@@ -249,8 +251,10 @@ TEST_CASE("where samples say nothing, density sinks and features move towards th
         simd::rmsPropLeaf(kChannels, rates, active.data(),
                           {gradient.data(), feature_gradient.data(), touched.data()}, density.data(),
                           moment.data(), features.data(), feature_moment.data());
-        CHECK(density[kMiddle] == Approx(2.0 - 0.5 * 0.1));
-        CHECK(density[kMiddle + 1] == 2.0f);
+        CHECK(density[kCorner] == Approx(2.0 - 0.5 * 0.1));
+        CHECK(density[kMiddle] == Approx(2.0 - 0.5 * (0.1 + 0.2 * (2.0 - 2.2))));
+        CHECK(density[kPeak] == Approx(9.0 - 0.5 * (0.1 + 0.2 * 1)));  // 7 above its neighbour, but pulled as by 1
+        CHECK(density[kMiddle + 1] == 1.5f);
         for (int c = 0; c < kChannels; ++c) {
             CHECK(features[kMiddle * kChannels + c] == Approx(1.0 + 0.25 * 0.4 * (3.5 - 1.0)));
             CHECK(features[kCorner * kChannels + c] == 1.0f);  // no neighbour exists

@@ -65,7 +65,7 @@ TEST_CASE("a checkpoint that is loaded and saved again repeats the file") {
     CHECK(readFile(dir / "a.ckpt") == readFile(dir / "b.ckpt"));
 }
 
-TEST_CASE("training that was stopped and resumed, anywhere, gives the same files as training straight on") {
+TEST_CASE("training that was stopped and resumed, anywhere, gives the same files as training straight on", "[slow]") {
     const TempDir dir;
     Report silent;
     const TrainResult straight = trainTo(dir / "straight.ckpt", silent, false);

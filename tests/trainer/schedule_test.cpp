@@ -125,3 +125,15 @@ TEST_CASE("a schedule's text names the steps of each stage") {
     stages[0].steps = 120, stages[1].steps = 300, stages[2].steps = 9000000000;
     CHECK(scheduleText(stages) == "120,300,9000000000");
 }
+
+TEST_CASE("rates stay, then fall without a jump, and end well above zero") {
+    CHECK(rateFactor(0) == 1);
+    CHECK(rateFactor(0.5) == 1);
+    CHECK(rateFactor(1) > 0.01);
+    CHECK(rateFactor(1) < 0.2);
+    CHECK(rateFactor(1.1) == rateFactor(1));
+    for (double progress = 0; progress < 1; progress += 0.01) {
+        CHECK(rateFactor(progress + 0.01) <= rateFactor(progress));
+        CHECK(rateFactor(progress + 0.01) > 0.9 * rateFactor(progress));
+    }
+}

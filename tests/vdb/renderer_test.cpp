@@ -82,6 +82,24 @@ TEST_CASE("an empty model shows its background, and depth and opacity of nothing
     CHECK(image.counters.samples_density == 0);
 }
 
+TEST_CASE("rays that meet nothing show the background, and their decoding changes nothing") {
+    const auto ball = [](const Vec3i& cell) { return (cell - Vec3i::Constant(12)).squaredNorm() < 20; };
+    Model model = plainModel(
+        ball, [](const Vec3i&) { return 1.0; }, Vec3f(0.2f, 0.3f, 0.4f));
+    model.decoder = Decoder(4, 7);
+    RenderOptions decode_all;
+    decode_all.trace.skip_unlit = false;
+    const Camera camera = lookAt(Vec3d(-8, 0, 0), Vec3d::Zero(), Vec3d::UnitZ(), 0.3, 40, 40);
+    const RenderedImage few = Renderer(model, {}).render(camera), all = Renderer(model, decode_all).render(camera);
+    CHECK(few.rgb.pixels == all.rgb.pixels);
+    CHECK(few.opacity.pixels == all.opacity.pixels);
+    CHECK(few.counters.rays_skipped > 400);
+    CHECK(few.counters.rays_skipped < 1500);
+    for (int c = 0; c < 3; ++c) CHECK(few.rgb.at(0, 0)[c] == model.background[c]);
+    CHECK(*few.opacity.at(0, 0) == 0);
+    CHECK(*few.opacity.at(20, 20) > 0.5f);
+}
+
 TEST_CASE("depth of a slab: its face where it is opaque, its light's centre where it is thin") {
     const auto slab = [](const Vec3i& cell) { return cell.x() >= 10 && cell.x() < 14; };  // world x -0.2 to 0.2
     for (const double sigma_per_voxel : {200.0, 0.3, 0.004}) {
