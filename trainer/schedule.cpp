@@ -46,7 +46,7 @@ void planSteps(std::vector<Stage>& stages, std::int64_t total) {
 }
 
 int levelsForRays(double rays, int max_levels) {
-    constexpr double kNeeded[kMaxLevels] = {0, 2e4, 4e5, 15e6};
+    constexpr double kNeeded[kMaxLevels] = {0, 2e4, 4e5, 20e6};
     int levels = 1;
     while (levels < max_levels && rays >= kNeeded[levels]) ++levels;
     return levels;

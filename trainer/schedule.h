@@ -25,7 +25,7 @@ inline constexpr int kMaxLevels = 4;            // 64 to 512
 std::vector<Stage> defaultStages(int n_levels);
 
 /// How many levels to use: no more than `max_levels`, and fewer when so few rays will be drawn (per training run)
-/// that fine voxels would hardly be looked at. Measured: 512 voxels pay from about 15 million rays on.
+/// that fine voxels would hardly be looked at. Measured: 512 voxels pay from about 20 million rays on.
 int levelsForRays(double rays, int max_levels);
 
 /// Stages for a total of `total` steps; the number of levels follows from levelsForRays.

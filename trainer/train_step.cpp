@@ -11,21 +11,41 @@ namespace nerfvdb {
 
 StepReport TrainStepper::step(TrainState& state, const RaySource& source, std::uint64_t step, int batch,
                               const StepRates& rates, const TraceOptions& trace) {
+    const StepReport report = differentiate(state, source, step, batch, trace);
+    if (!report.is_finite) return report;
+
+    const int channels = state.field.channels();
+    const RmsPropRates voxel_rates{rates.density, rates.features,          rates.decay,
+                                   rates.epsilon, rates.sparsity,          rates.density_smoothing,
+                                   rates.feature_smoothing};
+    voxelGradients(state.field, [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask& seen) {
+        const std::size_t first = static_cast<std::size_t>(leaf) * kLeafVoxels;
+        simd::rmsPropLeaf(channels, voxel_rates, state.field.topology().voxels()[leaf].data(), gradient,
+                          &state.field.density()[first], &state.density_moment[first],
+                          &state.field.features()[first * channels], &state.feature_moment[first]);
+        for (int word = 0; word < kLeafWords; ++word) state.seen[leaf][word] |= seen[word];
+    });
+    state.network.step(state.decoder.parameters(), networkGradient(), rates.network);
+    return report;
+}
+
+StepReport TrainStepper::differentiate(const TrainState& state, const RaySource& source, std::uint64_t step,
+                                       int batch, const TraceOptions& trace) {
     // Tiles small enough that a coarse batch still feeds every core; their size follows from the batch alone.
     const int tile_rays = std::clamp(batch / 32, 64, kMaxTileRays);
-    const std::size_t n_tiles = static_cast<std::size_t>((batch + tile_rays - 1) / tile_rays);
-    if (tiles_.size() < n_tiles) tiles_.resize(n_tiles);
-    if (gradients_.size() < n_tiles) gradients_.resize(n_tiles);
+    n_tiles_ = static_cast<std::size_t>((batch + tile_rays - 1) / tile_rays);
+    if (tiles_.size() < n_tiles_) tiles_.resize(n_tiles_);
+    if (gradients_.size() < n_tiles_) gradients_.resize(n_tiles_);
 
     const TraceScene scene(state.field, state.occupancy);
-    parallelFor(n_tiles, [&](std::size_t t) {
+    parallelFor(n_tiles_, [&](std::size_t t) {
         const int first = static_cast<int>(t) * tile_rays;
         runTile(state, source, step, first, std::min(tile_rays, batch - first), scene, trace, tiles_[t],
                 gradients_[t]);
     });
 
     StepReport report;
-    for (std::size_t t = 0; t < n_tiles; ++t) {
+    for (std::size_t t = 0; t < n_tiles_; ++t) {
         const StepReport& tile = tiles_[t].report;
         report.squared_error += tile.squared_error;
         report.rays += tile.rays;
@@ -35,33 +55,25 @@ StepReport TrainStepper::step(TrainState& state, const RaySource& source, std::u
             report.bad_view = tile.bad_view, report.bad_x = tile.bad_x, report.bad_y = tile.bad_y;
         }
     }
-    if (!report.is_finite) return report;  // nothing has moved yet
-
-    const int channels = state.field.channels();
-    const RmsPropRates voxel_rates{rates.density, rates.features,          rates.decay,
-                                   rates.epsilon, rates.sparsity,          rates.density_smoothing,
-                                   rates.feature_smoothing};
-    scatter_.run(state.field.topology(), channels, std::span(gradients_.data(), n_tiles),
-                 [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask& seen) {
-                     const std::size_t first = static_cast<std::size_t>(leaf) * kLeafVoxels;
-                     simd::rmsPropLeaf(channels, voxel_rates, state.field.topology().voxels()[leaf].data(), gradient,
-                                       &state.field.density()[first], &state.density_moment[first],
-                                       &state.field.features()[first * channels], &state.feature_moment[first]);
-                     for (int word = 0; word < kLeafWords; ++word) state.seen[leaf][word] |= seen[word];
-                 });
-
-    dl_dnetwork_.resize(state.decoder.parameters().size());
-    parallelRanges(dl_dnetwork_.size(), 512, [&](std::size_t first, std::size_t last) {
-        std::fill(dl_dnetwork_.begin() + first, dl_dnetwork_.begin() + last, 0.0f);
-        for (std::size_t t = 0; t < n_tiles; ++t)
-            for (std::size_t i = first; i < last; ++i) dl_dnetwork_[i] += tiles_[t].dl_dnetwork[i];
-    });
-    state.network.step(state.decoder.parameters(), dl_dnetwork_, rates.network);
     return report;
 }
 
-void TrainStepper::runTile(TrainState& state, const RaySource& source, std::uint64_t step, int first_ray, int n_rays,
-                           const TraceScene& scene, const TraceOptions& trace, Tile& tile,
+void TrainStepper::voxelGradients(const VoxelField& field, const LeafScatter::UseLeaf& use) {
+    scatter_.run(field.topology(), field.channels(), std::span(gradients_.data(), n_tiles_), use);
+}
+
+std::span<const float> TrainStepper::networkGradient() {
+    dl_dnetwork_.resize(n_tiles_ > 0 ? tiles_.front().dl_dnetwork.size() : 0);
+    parallelRanges(dl_dnetwork_.size(), 512, [&](std::size_t first, std::size_t last) {
+        std::fill(dl_dnetwork_.begin() + first, dl_dnetwork_.begin() + last, 0.0f);
+        for (std::size_t t = 0; t < n_tiles_; ++t)
+            for (std::size_t i = first; i < last; ++i) dl_dnetwork_[i] += tiles_[t].dl_dnetwork[i];
+    });
+    return dl_dnetwork_;
+}
+
+void TrainStepper::runTile(const TrainState& state, const RaySource& source, std::uint64_t step, int first_ray,
+                           int n_rays, const TraceScene& scene, const TraceOptions& trace, Tile& tile,
                            TileGradients& gradients) {
     Worker& worker = workers_.local();
     RayTracer& tracer = worker.tracer;

@@ -51,8 +51,17 @@ struct StepReport {
 /// Runs steps; owns the working memory. Results do not depend on the number of threads.
 class TrainStepper {
 public:
+    /// Draws a batch of rays and moves every parameter that they say something about. Nothing has moved if the
+    /// report is not finite.
     StepReport step(TrainState& state, const RaySource& source, std::uint64_t step, int batch,
                     const StepRates& rates, const TraceOptions& trace);
+
+    /// The two halves of a step. First the loss (StepReport::squared_error) and its gradient; nothing moves ...
+    StepReport differentiate(const TrainState& state, const RaySource& source, std::uint64_t step, int batch,
+                             const TraceOptions& trace);
+    /// ... which stands here: of the voxels, leaf by leaf as LeafScatter::run hands it out, once; of the network.
+    void voxelGradients(const VoxelField& field, const LeafScatter::UseLeaf& use);
+    std::span<const float> networkGradient();
 
 private:
     static constexpr int kMaxTileRays = 256;
@@ -68,10 +77,11 @@ private:
         std::vector<float> dl_dnetwork;
         StepReport report;
     };
-    void runTile(TrainState& state, const RaySource& source, std::uint64_t step, int first_ray, int n_rays,
+    void runTile(const TrainState& state, const RaySource& source, std::uint64_t step, int first_ray, int n_rays,
                  const TraceScene& scene, const TraceOptions& trace, Tile& tile, TileGradients& gradients);
 
     PerThread<Worker> workers_;
+    std::size_t n_tiles_ = 0;  // of the last batch
     std::vector<Tile> tiles_;
     std::vector<TileGradients> gradients_;
     std::vector<float> dl_dnetwork_;

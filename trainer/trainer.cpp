@@ -257,6 +257,8 @@ StepRates Training::rates() const {
     rates.density *= factor;
     rates.features *= factor;
     rates.network *= factor;
+    // As smooth per world unit at every level: at large voxels neighbours differ more, and smoothing helps less.
+    rates.density_smoothing *= static_cast<float>(std::exp2(place_.stages[place_.stage].level - (kMaxLevels - 1)));
     return rates;
 }
 
