@@ -296,6 +296,11 @@ bool Training::runStage() {
         const bool is_new_level = place_.stage == 0 || place_.stages[place_.stage - 1].level != stage().level;
         if (plans_time_ && is_new_level && place_.step_in_stage == std::min(kProbeSteps, stage().steps))
             replanForTime();
+        // Steps become cheaper while space empties: what that saves is used.
+        const bool is_last = place_.stage + 1 == place_.stages.size();
+        if (plans_time_ && is_last && (place_.step_in_stage == stage().steps / 2 ||
+                                       place_.step_in_stage == stage().steps * 3 / 4))
+            replanForTime();
         tell(/*force=*/false);
         if (clock_.seconds() - last_saved_ > std::max(kCheckpointSeconds, save_seconds_ / kCheckpointShare)) save();
     }
