@@ -1,12 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/json_output.h"
 
-#include <fstream>
 #include <iostream>
 
 #include "cli/output_path.h"
 #include "core/atomic_file.h"
-#include "core/error.h"
 
 namespace nerfvdb {
 
@@ -22,13 +20,7 @@ void writeJson(const std::string& target, const Json& json) {
         std::cout << text;
         return;
     }
-    writeAtomically(target, [&](const std::filesystem::path& temporary) {
-        std::ofstream file(temporary, std::ios::binary);
-        file << text;
-        file.close();
-        if (!file)
-            throw IoError(temporary.string(), "a failed write", "room for the results", "is the disk full?");
-    });
+    writeAtomically(target, text);
 }
 
 }  // namespace nerfvdb

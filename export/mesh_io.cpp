@@ -19,10 +19,11 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "PLY is written as memory holds it");
 
-/// A file written through a buffer of its own; any failure is an IoError.
+/// A file written through a buffer of its own; any failure is an IoError that names what the user asked for.
 class Output {
 public:
-    explicit Output(const std::filesystem::path& path) : path_(path), stream_(path, std::ios::binary) {
+    Output(const std::filesystem::path& temporary, const std::filesystem::path& path)
+        : path_(path), stream_(temporary, std::ios::binary) {
         buffer_.reserve(kFlushAt + kMostAtOnce);
         check();
     }
@@ -58,12 +59,10 @@ private:
         check();
     }
     void check() const {
-        if (!stream_)
-            throw IoError(path_.string() +
-                          ": cannot be written to the end; is the disk full, or the folder protected?");
+        if (!stream_) throw IoError(path_.string(), "a failed write", "room for the mesh", "is the disk full?");
     }
 
-    std::filesystem::path path_;
+    const std::filesystem::path& path_;
     std::ofstream stream_;
     std::string buffer_;
 };
@@ -235,7 +234,7 @@ void writeMesh(const std::filesystem::path& path, const Mesh& mesh) {
     checkMeshPath(path);
     checkMesh(mesh);
     writeAtomically(path, [&](const std::filesystem::path& temporary) {
-        Output out(temporary);
+        Output out(temporary, path);
         if (extensionOf(path) == ".ply")
             writePly(out, mesh);
         else

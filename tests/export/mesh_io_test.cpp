@@ -117,6 +117,8 @@ TEST_CASE("a file that cannot be written leaves the old one as it was", "[export
         {
             const SmallDisk full_disk(50000);
             CHECK_THROWS_AS(writeMesh(folder / name, mesh), IoError);
+            CHECK_THROWS_WITH(writeMesh(folder / name, mesh),
+                              Catch::StartsWith((folder / name).string() + ": found a failed write, expected room"));
         }
         CHECK(readFile(folder / name) == "old");
     }
