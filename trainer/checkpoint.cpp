@@ -16,7 +16,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "checkpoints are little-endian");
 
-constexpr std::string_view kHead = "nerfvdb-checkpoint 1\n";
+constexpr std::string_view kHead = "nerfvdb-checkpoint 2\n";
 constexpr std::size_t kHashDigits = 32;
 
 /// Visits fields by appending them to a string.
@@ -29,10 +29,10 @@ public:
         static_assert(std::is_trivially_copyable_v<T>);
         out_.append(reinterpret_cast<const char*>(&v), sizeof v);
     }
-    template <typename T>
-    void values(std::vector<T>& v) {
+    template <typename Array>  // std::vector or std::string
+    void values(Array& v) {
         value(static_cast<std::uint64_t>(v.size()));
-        out_.append(reinterpret_cast<const char*>(v.data()), v.size() * sizeof(T));
+        out_.append(reinterpret_cast<const char*>(v.data()), v.size() * sizeof v[0]);
     }
 
 private:
@@ -48,13 +48,13 @@ public:
     void value(T& v) {
         std::memcpy(&v, take(sizeof v), sizeof v);
     }
-    template <typename T>
-    void values(std::vector<T>& v) {
+    template <typename Array>
+    void values(Array& v) {
         std::uint64_t n = 0;
         value(n);
-        if (n > bytes_.size() / sizeof(T)) fail();
+        if (n > bytes_.size() / sizeof v[0]) fail();
         v.resize(n);
-        if (n) std::memcpy(v.data(), take(n * sizeof(T)), n * sizeof(T));
+        if (n) std::memcpy(v.data(), take(n * sizeof v[0]), n * sizeof v[0]);
     }
     void finish() const {
         if (!bytes_.empty()) fail();
@@ -128,6 +128,7 @@ void visitPlace(Visitor& visit, TrainPlace& place) {
     visit.value(place.mean_error);
     visit.value(place.seed);
     visit.value(place.n_views);
+    visit.values(place.data_hash);
 }
 
 /// The grid and everything small that belongs to the state.
@@ -213,7 +214,7 @@ void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainP
     if (!bytes.starts_with(kHead.substr(0, kHead.size() - 2)))
         throw DataError(path.string(), "another kind of file", "a nerfvdb checkpoint", "train without --resume");
     if (!bytes.starts_with(kHead))
-        throw DataError(path.string(), "a checkpoint of another version", "version 1", "train without --resume");
+        throw DataError(path.string(), "a checkpoint of another version", "version 2", "train without --resume");
     const std::size_t begin = kHead.size() + kHashDigits + 1;
     if (bytes.size() < begin ||
         contentHash(std::as_bytes(std::span(bytes.substr(begin)))) != bytes.substr(kHead.size(), kHashDigits))

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
 #include <vector>
 
 #include "trainer/schedule.h"
@@ -21,10 +22,11 @@ struct TrainPlace {
     std::uint64_t rays = 0;            // drawn so far
     double mean_error = 0;             // squared error, exponential mean over steps
     std::uint64_t seed = 0;
-    int n_views = 0;                   // of the data set, to refuse another one
+    int n_views = 0;                   // of the data set ...
+    std::string data_hash;             // ... and its datasetHash, to refuse another one
 };
 
-/// Layout: "nerfvdb-checkpoint 1\n", 32 hexadecimal digits (content hash of all that follows) and "\n", then the
+/// Layout: "nerfvdb-checkpoint 2\n", 32 hexadecimal digits (content hash of all that follows) and "\n", then the
 /// fields in the order of checkpoint.cpp, little-endian.
 void saveCheckpoint(const std::filesystem::path& path, const TrainState& state, const TrainPlace& place);
 

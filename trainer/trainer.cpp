@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/metrics.h"
 #include "trainer/checkpoint.h"
+#include "trainer/dataset_hash.h"
 #include "trainer/faint_cells.h"
 #include "trainer/scene_box.h"
 #include "vdb/adapt.h"
@@ -145,6 +146,7 @@ void Training::start() {
     state_.seen.assign(cells.leafCount(), {});
     place_.seed = options_.seed;
     place_.n_views = static_cast<int>(dataset_.views.size());
+    place_.data_hash = datasetHash(dataset_);
     place_.next_occupancy = kFirstOccupancy;
     chooseBackground();
     max_levels_ = usefulLevels(dataset_, box, grid.frame.voxel_size);
@@ -159,7 +161,11 @@ void Training::resume() {
     if (place_.n_views != static_cast<int>(dataset_.views.size()))
         throw DataError(checkpoint_.string(), "training on " + std::to_string(place_.n_views) + " views",
                         std::to_string(dataset_.views.size()) + " as in the data set",
-                        "resume with the data that it was made from");
+                        "resume with the data that it was made from, or train without --resume");
+    if (place_.data_hash != datasetHash(dataset_))
+        throw DataError(checkpoint_.string(), "training on other cameras or photographs",
+                        "those of " + dataset_.root.string(),
+                        "resume with the data that it was made from, or train without --resume");
     source_ = RaySource(dataset_, place_.seed);
     source_.update(state_.field, state_.occupancy);
     report_.info("resuming at step " + std::to_string(place_.step) + " of " + std::to_string(totalSteps()));

@@ -102,7 +102,7 @@ TEST_CASE("what is not a whole checkpoint of this version is refused, and says w
     CHECK_THROWS_WITH(load(""), Catch::Contains("bad.ckpt") && Catch::Contains("another kind of file"));
     CHECK_THROWS_WITH(load("P6 a picture of something else"), Catch::Contains("another kind of file"));
     std::string newer = good;
-    newer[std::string("nerfvdb-checkpoint ").size()] = '2';
+    newer[std::string("nerfvdb-checkpoint ").size()] = '3';
     CHECK_THROWS_WITH(load(newer), Catch::Contains("another version"));
     for (const std::size_t place_of_damage :
          {good.size() - 1, good.size() / 2, std::size_t{60}, std::size_t{30}}) {
@@ -125,4 +125,13 @@ TEST_CASE("resuming with another data set is refused") {
     Report silent;
     CHECK_THROWS_WITH(train(fewer, shortRun(), silent, {}, dir / "a.ckpt", true),
                       Catch::Contains("12 views") && Catch::Contains("11"));
+    const std::string refused = (dir / "a.ckpt").string() +
+                                ": found training on other cameras or photographs, expected those of sphere; resume "
+                                "with the data that it was made from, or train without --resume";
+    Dataset other = sphere();
+    other.views[3].camera.position.x() += 1e-9;
+    CHECK_THROWS_WITH(train(other, shortRun(), silent, {}, dir / "a.ckpt", true), refused);
+    other = sphere();
+    other.views.back().photo.pixels.back()[2] += 1;
+    CHECK_THROWS_WITH(train(other, shortRun(), silent, {}, dir / "a.ckpt", true), refused);
 }

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/dataset_hash.h"
+
+#include <span>
+#include <vector>
+
+#include "core/atomic_file.h"
+#include "core/parallel.h"
+
+namespace nerfvdb {
+namespace {
+
+std::string viewHash(const View& view) {
+    const Camera& c = view.camera;
+    const Distortion& d = c.distortion;
+    std::vector<double> numbers = {static_cast<double>(c.width), static_cast<double>(c.height)};
+    numbers.insert(numbers.end(), {c.fx, c.fy, c.cx, c.cy, d.k1, d.k2, d.k3, d.p1, d.p2});
+    numbers.insert(numbers.end(), c.world_from_camera.data(), c.world_from_camera.data() + 9);
+    numbers.insert(numbers.end(), c.position.data(), c.position.data() + 3);
+    return contentHash(std::as_bytes(std::span(numbers))) +
+           contentHash(std::as_bytes(std::span(view.photo.pixels)));
+}
+
+}  // namespace
+
+std::string datasetHash(const Dataset& dataset) {
+    std::vector<std::string> views(dataset.views.size());
+    parallelFor(views.size(), [&](std::size_t i) { views[i] = viewHash(dataset.views[i]); });
+    std::string all;
+    for (const std::string& view : views) all += view;
+    return contentHash(std::as_bytes(std::span(all)));
+}
+
+}  // namespace nerfvdb
