@@ -70,6 +70,15 @@ TrainOptions trainOptions(const TrainWords& words) {
     return options;
 }
 
+/// What the checkpoint decides cannot be asked for again.
+void checkResume(const CLI::App& app) {
+    for (const char* option : {"--preset", "--time", "--steps", "--background", "--bounds", "--seed"})
+        if (app.count(option) > 0)
+            throw UsageError("--resume", std::string(option) + " too",
+                             "plan, seed, background and box to be those of the checkpoint",
+                             "leave out " + std::string(option) + ", or train anew without --resume");
+}
+
 void runTrain(const TrainWords& words) {
     const auto limit = words.shared.begin();
     TrainOptions options = trainOptions(words);
@@ -126,7 +135,9 @@ void runTrain(const TrainWords& words) {
     if (result.interrupted)
         throw Interrupted(
             "stopped at step " + std::to_string(result.steps) + " as asked, and saved " + out.string() +
-            (std::filesystem::exists(checkpoint) ? "; the same command with --resume goes on" : ""));
+            (std::filesystem::exists(checkpoint)
+                 ? "; nerfvdb train " + words.data + " --out " + words.out + " --resume goes on"
+                 : ""));
 }
 
 }  // namespace
@@ -164,14 +175,19 @@ Command addTrain(CLI::App& program) {
     app.add_option("--max-memory", words->max_memory,
                    "Stop refining where training would need more: 4GB, 512MiB")
         ->type_name("SIZE");
-    app.add_flag("--resume", words->resume, "Continue from the checkpoint beside --out");
+    app.add_flag("--resume", words->resume,
+                 "Continue from the checkpoint beside --out, on the same data. Plan, seed, background and box are "
+                 "those of the checkpoint: no --preset, --time, --steps, --background, --bounds, --seed");
     app.add_flag("--strict", words->strict, "A frame without its image is an error, not a warning");
     app.add_option("--seed", words->seed, "Same seed and --steps, same file, byte for byte [1]")
         ->type_name("S");
     words->shared.add(app,
                       "  nerfvdb train data/lego --out lego.vdb --time 5m\n"
                       "\nCtrl-C finishes the step, saves and leaves with exit code 130.");
-    return {&app, [words] { runTrain(*words); }};
+    return {&app, [words, &app] {
+                if (words->resume) checkResume(app);
+                runTrain(*words);
+            }};
 }
 
 }  // namespace nerfvdb

@@ -49,8 +49,9 @@ struct TrainResult {
 };
 
 /// Trains on a data set; tells `report` how it goes and calls `on_interval` a few times a minute.
-/// With `checkpoint`, state is loaded from there when `resume`, and saved there at intervals and at the end.
-/// Throws DataError (nothing to learn from) or NumericError.
+/// With `checkpoint`, state is loaded from there when `resume`, and saved there at intervals and at the end. Plan,
+/// seed, background and box are then those of the checkpoint, whatever `options` say.
+/// Throws DataError (nothing to learn from, a checkpoint of another data set) or NumericError.
 TrainResult train(const Dataset& dataset, const TrainOptions& options, Report& report,
                   const std::function<void(const TrainProgress&)>& on_interval,
                   const std::filesystem::path& checkpoint = {}, bool resume = false);

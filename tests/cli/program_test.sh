@@ -271,8 +271,30 @@ test_interrupt() {
     kill -INT $pid
     wait $pid || code=$?
     [[ $code -eq 130 ]] || fail "exit code $code after an interrupt, expected 130"
-    says err "--resume"
+    says err "nerfvdb train data --out model.vdb --resume goes on"
     expect 0 eval model.vdb data
+}
+
+test_resume() {
+    local option
+    tiny_scene --no-truth
+    tiny_model --seed 3
+    cp model.vdb first.vdb
+    for option in "--preset default" "--time 5s" "--steps 60" "--background auto" "--bounds -1 -1 -1 1 1 1" \
+        "--seed 3"; do
+        # shellcheck disable=SC2086
+        expect 2 train data --out model.vdb --resume $option
+        says err "--resume: found ${option%% *} too"
+        says err "leave out ${option%% *}"
+    done
+    expect 0 synth shell --out other --views 12 --val-views 0 --test-views 3 --width 48 --height 48 --no-truth
+    expect 1 train other --out model.vdb --resume
+    says err "model.ckpt: found training on other cameras or photographs, expected those of other"
+    cmp model.vdb first.vdb || fail "a refused command changed the model"
+
+    # Nothing is left to learn: the same model again.
+    expect 0 train data --out model.vdb --resume
+    cmp model.vdb first.vdb || fail "resuming a run that was over changed the model"
 }
 
 "test_$case_name"
