@@ -115,6 +115,7 @@ public:
                 return;
             }
             if (report_.cancelled()) throw Interrupted("stopped while training, as asked");
+            if (!result.checkpoint_error.empty()) throw IoError(result.checkpoint_error);
             saveModel(result.model, scratch_ / "model.vdb");
             look(numberText(due_s) + " s", outcome(result, watch, rays));
             // A step may last longer than the time between two looks.

@@ -132,12 +132,13 @@ void runTrain(const TrainWords& words) {
     text += formatted("%s in all, at most %s of memory\n", durationText(seconds).c_str(),
                       sizeText(static_cast<double>(peakMemoryBytes())).c_str());
     words.shared.finish(json, text);
+    const std::string stopped =
+        result.interrupted ? "stopped at step " + std::to_string(result.steps) + " as asked, and " : "";
+    const std::string saved = stopped + "saved " + out.string();
+    if (!result.checkpoint_error.empty())
+        throw IoError(saved + ", but not its checkpoint: " + result.checkpoint_error);
     if (result.interrupted)
-        throw Interrupted(
-            "stopped at step " + std::to_string(result.steps) + " as asked, and saved " + out.string() +
-            (std::filesystem::exists(checkpoint)
-                 ? "; nerfvdb train " + words.data + " --out " + words.out + " --resume goes on"
-                 : ""));
+        throw Interrupted(saved + "; nerfvdb train " + words.data + " --out " + words.out + " --resume goes on");
 }
 
 }  // namespace

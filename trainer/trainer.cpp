@@ -115,6 +115,7 @@ private:
     int max_levels_ = kMaxLevels;
     bool plans_time_ = false;
     bool has_checkpoint_ = false;  // of this run, in its file
+    std::string checkpoint_error_;  // of the last attempt to write one
     std::vector<std::string> notes_;
 
     // Of the clock; nothing that is learned depends on these.
@@ -389,10 +390,16 @@ void Training::tell(bool force) {
 }
 
 void Training::save() {
+    if (checkpoint_.empty()) return;
     const double begin = clock_.seconds();
-    if (!checkpoint_.empty()) {
+    try {
         saveCheckpoint(checkpoint_, state_, place_);
         has_checkpoint_ = true;
+        checkpoint_error_.clear();
+    } catch (const IoError& error) {  // what was learned is worth more than its checkpoint
+        if (checkpoint_error_.empty())
+            report_.warn(std::string("checkpoint not written, training goes on: ") + error.what());
+        checkpoint_error_ = error.what();
     }
     last_saved_ = clock_.seconds();
     save_seconds_ = last_saved_ - begin;
@@ -412,6 +419,7 @@ TrainResult Training::finish(bool interrupted) {
     result.steps = place_.step;
     result.interrupted = interrupted;
     result.active_voxels = result.model.field.topology().voxelCount();
+    result.checkpoint_error = checkpoint_error_;
     result.notes = notes_;
     return result;
 }

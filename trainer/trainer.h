@@ -45,12 +45,14 @@ struct TrainResult {
     std::int64_t steps = 0;      // done
     bool interrupted = false;    // stopped early on request: the model is whole, but less trained
     std::size_t active_voxels = 0;
+    std::string checkpoint_error;    // why the last checkpoint could not be written; empty: it was
     std::vector<std::string> notes;  // facts for the user: plan, memory limit reached, ...
 };
 
 /// Trains on a data set; tells `report` how it goes and calls `on_interval` a few times a minute.
 /// With `checkpoint`, state is loaded from there when `resume`, and saved there at intervals and at the end. Plan,
-/// seed, background and box are then those of the checkpoint, whatever `options` say.
+/// seed, background and box are then those of the checkpoint, whatever `options` say. A checkpoint that cannot be
+/// written is a warning and TrainResult::checkpoint_error, never the end of training.
 /// Throws DataError (nothing to learn from, a checkpoint of another data set) or NumericError.
 TrainResult train(const Dataset& dataset, const TrainOptions& options, Report& report,
                   const std::function<void(const TrainProgress&)>& on_interval,

@@ -297,4 +297,27 @@ test_resume() {
     cmp model.vdb first.vdb || fail "resuming a run that was over changed the model"
 }
 
+# bytes FILE
+bytes() { wc -c <"$1"; }
+
+# on_small_disk KILOBYTES COMMAND...: no file can grow beyond a size.
+on_small_disk() (
+    trap '' XFSZ
+    ulimit -f "$1"
+    shift
+    "$@"
+)
+
+test_full_disk() {
+    tiny_scene --no-truth
+    tiny_model
+
+    # Room for the model, not for its checkpoint: the model is kept.
+    local between=$((($(bytes model.vdb) + $(bytes model.ckpt)) / 2 / 1024))
+    on_small_disk $between expect 1 train data --out tight.vdb --steps 60
+    says err "nerfvdb: saved tight.vdb, but not its checkpoint: tight.ckpt: found File too large"
+    cmp tight.vdb model.vdb || fail "another model where the checkpoint found no room"
+    [[ ! -e tight.ckpt ]] || fail "half a checkpoint"
+}
+
 "test_$case_name"

@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "tests/support/catch.h"
+#include "tests/support/small_disk.h"
 #include "tests/support/sphere_dataset.h"
 #include "tests/support/temp_dir.h"
 #include "trainer/trainer.h"
@@ -26,6 +27,9 @@ class StopAfter : public Report {
 public:
     explicit StopAfter(int limit) : limit_(limit) {}
     bool cancelled() const override { return count_++ >= limit_; }
+    void warn(const std::string& line) override { warnings.push_back(line); }
+
+    std::vector<std::string> warnings;
 
 private:
     int limit_;
@@ -134,4 +138,21 @@ TEST_CASE("resuming with another data set is refused") {
     other = sphere();
     other.views.back().photo.pixels.back()[2] += 1;
     CHECK_THROWS_WITH(train(other, shortRun(), silent, {}, dir / "a.ckpt", true), refused);
+}
+
+TEST_CASE("a checkpoint that finds no room is lost alone: what was learned is not") {
+    const TempDir dir;
+    StopAfter roomy(20), tight(20);
+    const TrainResult expected = trainTo(dir / "roomy.ckpt", roomy, false);
+    CHECK(expected.checkpoint_error.empty());
+    const TrainResult result = [&] {
+        const SmallDisk full_disk(1000);
+        return trainTo(dir / "tight.ckpt", tight, false);
+    }();
+    CHECK(result.interrupted);
+    CHECK(result.checkpoint_error.find("tight.ckpt: found") != std::string::npos);
+    REQUIRE(tight.warnings.size() == 1);
+    CHECK(tight.warnings[0] == "checkpoint not written, training goes on: " + result.checkpoint_error);
+    CHECK_FALSE(std::filesystem::exists(dir / "tight.ckpt"));
+    CHECK(modelBytes(result, dir) == modelBytes(expected, dir));
 }
