@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // nerfvdb train: photographs in; model.vdb, model.ckpt (for --resume) and model.csv (how it went) out.
 #include <map>
-#include <sstream>
 
 #include "cli/commands.h"
+#include "cli/csv_log.h"
 #include "cli/output_path.h"
 #include "cli/process.h"
 #include "cli/quantities.h"
-#include "core/atomic_file.h"
 #include "core/error.h"
 #include "trainer/trainer.h"
 #include "vdb/model_file.h"
@@ -21,35 +20,6 @@ struct TrainWords {
     std::uint64_t seed = TrainOptions{}.seed;
     bool resume = false, strict = false;
     SharedOptions shared;
-};
-
-/// The log beside the model: rewritten whole at each interval, so that it is never cut off.
-class CsvLog {
-public:
-    CsvLog(std::filesystem::path path, bool resume) : path_(std::move(path)), resume_(resume) {}
-
-    void add(const TrainProgress& progress) {
-        if (rows_.empty()) keepEarlierRows(progress.step);
-        rows_ += formatted("%lld,%.2f,%.6g,%.3f,%llu,%zu\n", static_cast<long long>(progress.step),
-                           progress.seconds, progress.loss, progress.psnr,
-                           static_cast<unsigned long long>(progress.rays), progress.voxels);
-        writeAtomically(path_, rows_, Durable::system);
-    }
-
-private:
-    /// A resumed run continues its log where the checkpoint was made.
-    void keepEarlierRows(std::int64_t before_step) {
-        rows_ = "step,seconds,loss,psnr,rays,voxels\n";
-        if (!resume_ || !std::filesystem::exists(path_)) return;
-        std::istringstream earlier(readFile(path_));
-        std::string row;
-        std::getline(earlier, row);  // the head
-        while (std::getline(earlier, row) && std::atoll(row.c_str()) < before_step) rows_ += row + "\n";
-    }
-
-    std::filesystem::path path_;
-    bool resume_;
-    std::string rows_;
 };
 
 TrainOptions trainOptions(const TrainWords& words) {
@@ -85,10 +55,10 @@ void runTrain(const TrainWords& words) {
     const std::filesystem::path out = words.out;
     if (out.extension() != ".vdb")
         throw UsageError("--out", "'" + words.out + "'", "a file name that ends in .vdb");
-    prepareOutputFile("--out", out);
     const auto beside = [&](const char* extension) {
         return std::filesystem::path(out).replace_extension(extension);
     };
+    for (const char* extension : {".vdb", ".ckpt", ".csv"}) prepareOutputFile("--out", beside(extension));
     const std::filesystem::path checkpoint = beside(".ckpt");
     if (words.resume && !std::filesystem::exists(checkpoint))
         throw IoError(checkpoint.string(), "no file", "the checkpoint that --resume continues",
@@ -103,13 +73,14 @@ void runTrain(const TrainWords& words) {
                               camera.height));
     }
 
-    CsvLog log(beside(".csv"), words.resume);
+    CsvLog log(beside(".csv"), words.resume, report);
     options.elapsed_s = secondsSinceProcessStart();
     const TrainResult result = train(
         dataset, options, report, [&](const TrainProgress& progress) { log.add(progress); }, checkpoint,
         words.resume);
     report.end();
     saveModel(result.model, out);
+    log.finish();
 
     const double seconds = secondsSinceProcessStart();
     const Json json = {{"command", "train"},
@@ -151,7 +122,9 @@ Command addTrain(CLI::App& program) {
            "Folder with transforms_train.json (NeRF-synthetic) or transforms.json (instant-ngp, nerfstudio), "
            "or such a file")
         ->required();
-    app.add_option("--out", words->out, "The model; a checkpoint (.ckpt) and a log (.csv) are laid beside it")
+    app.add_option("--out", words->out,
+                   "The model; a checkpoint (.ckpt) and a log (.csv, before the first checkpoint .csv.part) are laid "
+                   "beside it")
         ->required()
         ->type_name("MODEL.vdb");
     app.add_option("--preset", words->preset, "fast (a minute), default (five) or best (thirty) [default]")

@@ -380,6 +380,7 @@ void Training::tell(bool force) {
     progress.rays = place_.rays;
     progress.voxels = state_.field.topology().voxelCount();
     progress.seconds = now + options_.elapsed_s;
+    progress.has_checkpoint = has_checkpoint_;
     interval_error_ = 0;
     interval_rays_ = 0;
     if (on_interval_) on_interval_(progress);

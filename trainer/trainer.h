@@ -38,6 +38,7 @@ struct TrainProgress {
     std::uint64_t rays = 0;      // drawn so far
     std::size_t voxels = 0;      // active
     double seconds = 0;          // since training began
+    bool has_checkpoint = false;  // the checkpoint's file is of this run
 };
 
 struct TrainResult {

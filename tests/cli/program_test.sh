@@ -129,6 +129,10 @@ test_bad_input() {
     mkdir folder.vdb
     expect 1 train nowhere --out folder.vdb
     says err "--out folder.vdb"
+    mkdir model.ckpt
+    expect 1 train nowhere --out model.vdb
+    says err "--out model.ckpt"
+    rmdir model.ckpt
     expect 1 train nowhere --out model.vdb --json file/results.json
     says err "--json file"
     expect 1 train empty --out model.vdb --resume
@@ -267,11 +271,12 @@ test_interrupt() {
     "$program" train data --out model.vdb --steps 10000000 >out 2>err &
     pid=$!
     # The first line of the log says that training has begun.
-    until [[ -s model.csv ]] || (( waited++ > 600 )); do sleep 0.1; done
+    until [[ -s model.csv.part ]] || (( waited++ > 600 )); do sleep 0.1; done
     kill -INT $pid
     wait $pid || code=$?
     [[ $code -eq 130 ]] || fail "exit code $code after an interrupt, expected 130"
     says err "nerfvdb train data --out model.vdb --resume goes on"
+    [[ -s model.csv && ! -e model.csv.part ]] || fail "the log has not taken its name"
     expect 0 eval model.vdb data
 }
 
@@ -309,6 +314,7 @@ on_small_disk() (
 )
 
 test_full_disk() {
+    local file
     tiny_scene --no-truth
     tiny_model
 
@@ -318,6 +324,16 @@ test_full_disk() {
     says err "nerfvdb: saved tight.vdb, but not its checkpoint: tight.ckpt: found File too large"
     cmp tight.vdb model.vdb || fail "another model where the checkpoint found no room"
     [[ ! -e tight.ckpt ]] || fail "half a checkpoint"
+
+    # No room at all: what an earlier run left is as it was.
+    mkdir earlier
+    cp model.* earlier
+    on_small_disk 2 expect 1 train data --out model.vdb --steps 60 --seed 2
+    says err "model.vdb"
+    for file in model.vdb model.ckpt model.csv; do
+        cmp $file earlier/$file || fail "a failed run changed $file"
+    done
+    [[ -z "$(find . -name '*.part*')" ]] || fail "left behind: $(ls)"
 }
 
 "test_$case_name"
