@@ -57,10 +57,9 @@ void runMesh(const MeshWords& words) {
          {"volume", measures.volume},
          {"file_bytes", bytes},
          {"peak_memory_bytes", peakMemoryBytes()}},
-        formatted("%s: %zu vertices, %zu faces in %zu pieces, %s, at density %.4g per world unit%s, %s\n",
+        formatted("%s: %zu vertices, %zu faces in %zu pieces, %s, at density %.4g per world unit, %s\n",
                   words.out.c_str(), mesh.positions.size(), mesh.triangles.size(), measures.pieces,
                   measures.closed() ? "closed" : "not closed", iso,
-                  options.iso ? "" : " (half of the light is stopped over one voxel)",
                   sizeText(static_cast<double>(bytes)).c_str()));
 }
 
@@ -72,8 +71,10 @@ Command addMesh(CLI::App& program) {
         *program.add_subcommand("mesh", "Extract the surface of a model as a coloured triangle mesh");
     app.add_option("MODEL", words->model, "A model that 'nerfvdb train' made")->required();
     app.add_option("--out", words->out, "The mesh: .ply (binary) or .obj")->required()->type_name("FILE");
-    app.add_option("--iso", words->iso,
-                   "Density at the surface, 1 / world unit; auto stops half of the light over one voxel [auto]")
+    app.add_option(
+           "--iso", words->iso,
+           "Density at the surface, 1 / world unit; auto stops half of the light over one voxel, and in fog "
+           "is half of the largest [auto]")
         ->type_name("DENSITY");
     app.add_option("--keep-largest", words->islands.keep_largest, "Keep the N largest pieces only")
         ->check(CLI::PositiveNumber)

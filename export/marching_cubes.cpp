@@ -159,6 +159,18 @@ private:
     std::array<std::uint32_t, 3 * 729> numbers_;  // [axis][x][y][z], 9 a side; only crossed edges are filled
 };
 
+/// Infinite and absurd densities are left to cutField.
+double largestSigma(const VoxelField& field) {
+    float largest = kEmptyRaw;
+    for (std::size_t leaf = 0; leaf < field.topology().leafCount(); ++leaf)
+        forEachBit(field.topology().voxels()[leaf], [&](int offset) {
+            largest = std::max(largest, field.density()[leaf * kLeafVoxels + offset]);
+        });
+    return sigmaFromRaw(largest, field.densityScale());
+}
+
+double halfLightIso(const VoxelField& field) { return std::log(2.0) / field.frame().voxel_size; }
+
 float rawFromSigma(double sigma, double density_scale) {
     return static_cast<float>(std::log(sigma / density_scale));
 }
@@ -190,15 +202,20 @@ void warnIfCoarse(const VoxelField& field, Report& report) {
 
 }  // namespace
 
-double automaticIso(const VoxelField& field) { return std::log(2.0) / field.frame().voxel_size; }
+double automaticIso(const VoxelField& field) {
+    return std::min(halfLightIso(field), 0.5 * largestSigma(field));
+}
 
 Mesh extractSurface(const Model& model, const MeshOptions& options, Report& report) {
     const VoxelField& field = model.field;
     if (field.topology().voxelCount() == 0)
         throw NumericError("mesh", "an empty field", "at least one active voxel", "train the model first");
-    const double iso = options.iso.value_or(automaticIso(field));
+    const double iso = options.iso ? *options.iso : automaticIso(field);
     const float iso_raw = rawFromSigma(iso, field.densityScale());
-    checkIso(iso, iso_raw, field.densityScale());
+    if (options.iso)
+        checkIso(iso, iso_raw, field.densityScale());
+    else if (!(iso_raw > kEmptyRaw))
+        throw NumericError("mesh", "only empty voxels", "density somewhere", "train the model first");
     Surface surface = cutField(field, iso_raw);
     // The activation clamps: sigma never exceeds its value at kMaxRaw.
     if (iso_raw > std::min(surface.largest_raw, kMaxRaw))
@@ -206,8 +223,11 @@ Mesh extractSurface(const Model& model, const MeshOptions& options, Report& repo
             "mesh: iso", text(iso) + " per world unit",
             "at most the field's maximum, " + text(sigmaFromRaw(surface.largest_raw, field.densityScale())),
             "choose a lower iso");
-    report.info("mesh: surface at density " + text(iso) + " per world unit" +
-                (options.iso ? "" : " (half of the light stopped over one voxel)"));
+    const char* reason = options.iso ? ""
+                         : iso < halfLightIso(field)
+                             ? " (half of the field's maximum, which stops little light over one voxel)"
+                             : " (half of the light stopped over one voxel)";
+    report.info("mesh: surface at density " + text(iso) + " per world unit" + reason);
     warnIfCoarse(field, report);
     if (options.fill_inside)
         report.info("mesh: " + std::to_string(fillInside(surface)) +

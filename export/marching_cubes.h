@@ -18,7 +18,8 @@ struct MeshOptions {
     bool fill_inside = false;
 };
 
-/// The extinction that stops half of the light over one voxel: ln 2 / voxel_size, in 1 / world unit.
+/// The extinction that stops half of the light over one voxel: ln 2 / voxel_size, in 1 / world unit. Fog may
+/// nowhere be so dense: the surface is where it has half of its largest density, if that is less.
 double automaticIso(const VoxelField& field);
 
 /// The iso-surface of the density, closed, with outward normals and diffuse colours.
@@ -35,9 +36,8 @@ double automaticIso(const VoxelField& field);
 ///        one cube are not made.
 /// Cost:  time and memory follow the active leaves; beyond the mesh itself, some 300 bytes per leaf.
 /// Threads: the mesh is the same, byte for byte, for any number of threads.
-/// Errors: UsageError (iso not positive or below that of an empty voxel), NumericError (empty field, iso above
-/// the
-///        field's maximum, non-finite density, too many vertices), Interrupted.
+/// Errors: UsageError (iso not positive or below that of an empty voxel), NumericError (no voxel, or only empty
+///        ones; iso above the field's maximum; non-finite density; too many vertices), Interrupted.
 Mesh extractSurface(const Model& model, const MeshOptions& options, Report& report);
 
 }  // namespace nerfvdb

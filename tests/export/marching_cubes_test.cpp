@@ -263,6 +263,28 @@ TEST_CASE("vertices take the diffuse colour of the features between their voxels
     CHECK(probe.colours[0] == probe.colours[1]);
 }
 
+TEST_CASE("fog that nowhere stops half of the light is cut at half of its maximum, and that is said",
+          "[export]") {
+    struct Notes : Report {
+        void info(const std::string& line) override { lines += line + "\n"; }
+        std::string lines;
+    } notes;
+    Model fog = sphereModel(24, Vec3d(12, 12, 12), 9, 1, 0, 0.5);
+    forEachVoxel(fog.field.topology(), [&](const Vec3i&, std::size_t i) { fog.field.density()[i] -= 6; });
+    // In the middle raw = 0.5 * 9 - 6 = -1.5; half of that density is ln 2 less, 2 ln 2 voxels off the middle.
+    CHECK(automaticIso(fog.field) == Approx(0.5 * std::exp(-1.5)));
+    const Mesh mesh = extractSurface(fog, {.iso = {}, .colours = false}, notes);
+    CHECK_THAT(notes.lines, Catch::Contains("half of the field's maximum"));
+    CHECK(complaint(mesh) == "");
+    for (const Vec3f& position : mesh.positions)  // edges bend the cone's circles: 1 / (8 * 1) of a voxel
+        CHECK((position - Vec3f(12, 12, 12)).norm() == Approx(2 * std::log(2.0)).margin(0.25));
+    CHECK_THROWS_WITH(extract(fog, {.iso = 0.3, .colours = false}),
+                      Catch::Contains("the field's maximum, 0.2231"));
+
+    setDensity(fog.field, [](const Vec3i&) { return kEmptyRaw; });
+    CHECK_THROWS_WITH(extract(fog, {.iso = {}, .colours = false}), Catch::Contains("only empty voxels"));
+}
+
 TEST_CASE("what cannot be meshed is said", "[export]") {
     Report silent;
     CHECK_THROWS_AS(extract(modelOf(Topology(Vec3i(8, 8, 8), {}))), NumericError);
