@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // nerfvdb synth: a procedural scene as photographs, with its exact density and colour as a volume and a mesh.
-#include <algorithm>
-
 #include "cli/commands.h"
 #include "cli/output_path.h"
 #include "cli/process.h"
@@ -30,14 +28,9 @@ void writeTruth(const SyntheticScene& scene, const std::filesystem::path& folder
     report.begin("truth", 0);
     const Model truth = sampleScene(scene, resolution);
     exportVdb(truth, folder / "truth.vdb");
-
-    // Fog may be too thin to stop half of the light over a voxel: then its surface is where it is half as
-    // dense.
-    MeshOptions options;
-    options.iso = std::min(automaticIso(truth.field), 0.5 * scene.maxDensity());
-    writeMesh(folder / "truth.ply", extractSurface(truth, options, report));
+    writeMesh(folder / "truth.ply", extractSurface(truth, {}, report));
     report.end();
-    json["truth_iso"] = *options.iso;
+    json["truth_iso"] = automaticIso(truth.field);
     json["active_voxels"] = truth.field.topology().voxelCount();
 }
 

@@ -181,6 +181,14 @@ test_synth() {
     expect 0 info data
     says out "val: none of its own; test serves"
     ! grep -q warning out || fail "warned about nothing: $(cat out)"
+
+    local name
+    for name in shell thin glossy fog demo; do
+        expect 0 synth "$name" --out "$name" --views 1 --val-views 0 --test-views 0 --width 16 --height 16 \
+            --resolution 48 --json "$name.json"
+        [[ -s $name/truth.vdb && -s $name/truth.ply ]] || fail "$name has no truth"
+        has_keys "$name.json" truth_iso active_voxels
+    done
 }
 
 test_story() {
