@@ -38,8 +38,9 @@ struct DatasetOptions {
     bool load_photos = true;  // false: cameras only (info, render)
 };
 
-/// Reads a split of a data set: a folder with transforms_{train,val,test}.json (NeRF-synthetic), a folder with
-/// transforms.json, or such a JSON file itself. An absent val split falls back to test, with a warning.
+/// Reads a split of a data set: a folder with transforms_{train,val,test}.json (NeRF-synthetic; any of these
+/// files stands for the folder), a folder with transforms.json, or a JSON file of that kind itself. An absent
+/// val split falls back to test, with a warning.
 /// Throws DataError / IoError naming file and field, Interrupted when the report is cancelled between photos.
 /// What is wrong does not depend on threads: of several bad photos the first is named.
 Dataset readDataset(const std::filesystem::path& path, Split split, const DatasetOptions& options, Report& report);

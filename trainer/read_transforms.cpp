@@ -37,9 +37,18 @@ struct Source {
     bool is_split_file = false;
 };
 
-Source findSource(const fs::path& path, Split split, std::vector<std::string>& warnings) {
-    if (!fs::exists(path))
-        throw IoError(path.string(), "no such file or folder", "a data set", "check the name");
+/// A file of one split stands for the folder that holds it and the others.
+fs::path withoutSplitFile(const fs::path& path) {
+    for (const Split split : {Split::train, Split::val, Split::test})
+        if (path.filename() == splitFile({}, split))
+            return path.has_parent_path() ? path.parent_path() : fs::path(".");
+    return path;
+}
+
+Source findSource(const fs::path& named, Split split, std::vector<std::string>& warnings) {
+    if (!fs::exists(named))
+        throw IoError(named.string(), "no such file or folder", "a data set", "check the name");
+    const fs::path path = withoutSplitFile(named);
     if (!fs::is_directory(path)) return {path, false};
     if (fs::exists(splitFile(path, split))) return {splitFile(path, split), true};
     if (split == Split::val && fs::exists(splitFile(path, Split::test))) {

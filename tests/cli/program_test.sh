@@ -182,6 +182,9 @@ test_synth() {
     says out "val: none of its own; test serves"
     ! grep -q warning out || fail "warned about nothing: $(cat out)"
 
+    # A split's file stands for its folder.
+    (cd data && expect 0 info transforms_test.json && says out "train: 12 views" && says out "test: 3 views")
+
     local name
     for name in shell thin glossy fog demo; do
         expect 0 synth "$name" --out "$name" --views 1 --val-views 0 --test-views 0 --width 16 --height 16 \

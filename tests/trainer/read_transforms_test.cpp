@@ -61,6 +61,20 @@ TEST_CASE("split files: the JSON's order, names without extension, focal length 
     }
 }
 
+TEST_CASE("a split's file stands for its folder, whichever split is asked for", "[trainer]") {
+    SceneFolder scene(9);
+    scene.save("transforms_train.json");
+    scene.document["frames"] = {scene.frame(3), scene.frame(1)};
+    scene.save("transforms_test.json");
+    for (const char* name : {"transforms_train.json", "transforms_test.json"}) {
+        const Dataset train = readTransforms(scene.dir / name, Split::train, true);
+        CHECK(train.views.size() == 9);
+        CHECK(train.root == scene.dir / name);  // as the user named it
+        CHECK(namesOf(readTransforms(scene.dir / name, Split::test, true)) == Names{"103", "101"});
+    }
+    CHECK_THROWS_AS(readTransforms(scene.dir / "transforms_val.json", Split::train, true), IoError);
+}
+
 TEST_CASE("a single file is sorted by name and every 8th existing frame is held out", "[trainer]") {
     SceneFolder scene(18);
     std::reverse(scene.document["frames"].begin(), scene.document["frames"].end());
