@@ -198,9 +198,10 @@ Photo readPhoto(const fs::path& path) {
     return photo;
 }
 
-std::array<int, 2> readImageSize(const fs::path& path) {
+ImageHeader readImageHeader(const fs::path& path) {
     const std::unique_ptr<ImageInput> input = openImage(path);
-    return {input->spec().width, input->spec().height};
+    const ImageSpec& spec = input->spec();
+    return {spec.width, spec.height, findChannels(spec).alpha >= 0};
 }
 
 Image readImage(const fs::path& path) {

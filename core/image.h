@@ -37,8 +37,14 @@ struct Photo {
 /// Grey becomes three equal colours, 16 bits are rounded to 8. Orientation tags are not applied.
 Photo readPhoto(const std::filesystem::path& path);
 
-/// Width and height from the header alone. Throws as readPhoto.
-std::array<int, 2> readImageSize(const std::filesystem::path& path);
+/// What a picture says of itself before its pixels.
+struct ImageHeader {
+    int width = 0, height = 0;
+    bool has_alpha = false;
+};
+
+/// The header alone, without decoding. Throws as readPhoto.
+ImageHeader readImageHeader(const std::filesystem::path& path);
 
 /// Reads every channel as float without any conversion (EXR stays linear, PNG becomes [0, 1]).
 Image readImage(const std::filesystem::path& path);

@@ -52,8 +52,6 @@ void loadPhotos(Dataset& dataset, Report& report) {
         report.update(static_cast<std::int64_t>(end), "");
     }
     report.end();
-    dataset.has_alpha = std::any_of(dataset.views.begin(), dataset.views.end(),
-                                    [](const View& view) { return view.photo.has_alpha; });
 }
 
 }  // namespace

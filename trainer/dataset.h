@@ -28,7 +28,7 @@ enum class Split { train, val, test };
 struct Dataset {
     std::filesystem::path root;           // as the user named it
     std::vector<View> views;
-    bool has_alpha = false;               // any photo says so; known once they are loaded
+    bool has_alpha = false;               // any image's header says so
     std::optional<double> aabb_scale;     // as in the file (instant-ngp); see sceneBoxFromAabbScale
     std::vector<std::string> warnings;    // for a person, also sent to the Report
 };

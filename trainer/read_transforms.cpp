@@ -182,8 +182,8 @@ std::string sizeText(double width, double height) {
 }
 
 /// Intrinsics for the image at hand. The numbers belong to the w x h that the JSON states.
-Camera intrinsics(const Lens& lens, const JsonNode& frame, const Frame& source) {
-    const auto [width, height] = readImageSize(source.image);
+Camera intrinsics(const Lens& lens, const JsonNode& frame, const Frame& source, const ImageHeader& image) {
+    const int width = image.width, height = image.height;
     const double w = lens.w.value_or(lens.h ? *lens.h * width / height : width);
     const double h = lens.h.value_or(w * height / width);
     // A smaller version is rounded to whole pixels; by how much depends on who rounds.
@@ -236,8 +236,8 @@ Mat3d nearestRotation(Mat3d rotation) {
     return rotation;
 }
 
-Camera readCamera(const JsonNode& frame, const Lens& file_lens, const Frame& source) {
-    Camera camera = intrinsics(readLens(frame, file_lens), frame, source);
+Camera readCamera(const JsonNode& frame, const Lens& file_lens, const Frame& source, const ImageHeader& image) {
+    Camera camera = intrinsics(readLens(frame, file_lens), frame, source, image);
     readPose(frame.at("transform_matrix"), camera);
     const std::string problem = cameraProblem(camera);
     if (!problem.empty())
@@ -299,8 +299,11 @@ Dataset readTransforms(const fs::path& path, Split split, bool strict) {
                       std::to_string(list.arraySize()) + " listed)",
                   "at least one");
 
-    for (const Frame& frame : frames)
-        dataset.views.push_back({readCamera(list.element(frame.index), lens, frame), frame.image, {}});
+    for (const Frame& frame : frames) {
+        const ImageHeader image = readImageHeader(frame.image);
+        dataset.has_alpha |= image.has_alpha;
+        dataset.views.push_back({readCamera(list.element(frame.index), lens, frame, image), frame.image, {}});
+    }
     return dataset;
 }
 

@@ -11,7 +11,7 @@ namespace nerfvdb {
 /// True if the path is a JSON file or a folder that holds transforms.json or one with a split's name.
 bool hasTransforms(const std::filesystem::path& path);
 
-/// Cameras and image paths of one split, no pixels (sizes come from the images' headers).
+/// Cameras and image paths of one split, no pixels (sizes and alpha come from the images' headers).
 ///
 /// Keys, each for the whole file or for one frame: w, h, fl_x, fl_y, cx, cy (pixels of the w x h image; scaled
 /// when the image at hand has another size of the same aspect), camera_angle_x, camera_angle_y (rad; used

@@ -178,6 +178,7 @@ test_synth() {
     done
     expect 0 info data --json -
     has_keys out kind splits train test views width height focal_length warnings
+    says out '"alpha": true'
     expect 0 info data
     says out "val: none of its own; test serves"
     ! grep -q warning out || fail "warned about nothing: $(cat out)"

@@ -70,6 +70,7 @@ TEST_CASE("16 bits, grey with alpha and palettes become 8-bit colour with alpha"
     const Photo palette = readPhoto(dir / "palette.png");
     REQUIRE(palette.pixels.size() == 2);
     CHECK(palette.has_alpha);
+    CHECK(readImageHeader(dir / "palette.png").has_alpha);
     CHECK(palette.pixels[0] == std::array<std::uint8_t, 4>{200, 100, 50, 64});
     CHECK(palette.pixels[1] == std::array<std::uint8_t, 4>{10, 20, 30, 255});
 }
@@ -101,7 +102,10 @@ TEST_CASE("PNG keeps 8-bit values exactly, with straight alpha", "[core]") {
             same = same && photo.pixels[i][c] == std::lround(255 * expected);
         }
     CHECK(same);
-    CHECK(readImageSize(dir / "a.png") == std::array<int, 2>{37, 23});
+    const ImageHeader header = readImageHeader(dir / "a.png");
+    CHECK(header.width == 37);
+    CHECK(header.height == 23);
+    CHECK(header.has_alpha == photo.has_alpha);
 }
 
 TEST_CASE("writing 8 bits clamps, rounds and refuses NaN", "[core]") {
@@ -226,7 +230,7 @@ TEST_CASE("files that are no images are told apart", "[core]") {
     CHECK_THROWS_WITH(readPhoto(dir / "absent.png"), Contains("absent.png") && Contains("No such file"));
     overwrite(dir / "text.png", "this is not a picture, but it is long enough to look at");
     CHECK_THROWS_AS(readPhoto(dir / "text.png"), DataError);
-    CHECK_THROWS_AS(readImageSize(dir / "text.png"), DataError);
+    CHECK_THROWS_AS(readImageHeader(dir / "text.png"), DataError);
 }
 
 TEST_CASE("a PNG that is called .jpg is read for what it is", "[core]") {

@@ -41,6 +41,7 @@ TEST_CASE("photos are loaded in order, with progress", "[trainer]") {
     const Dataset cameras = readDataset(scene.dir.path(), Split::train, {false, false}, notes);
     CHECK(cameras.views.size() == 40);
     CHECK(cameras.views[0].photo.pixels.empty());
+    CHECK(cameras.has_alpha);
 }
 
 TEST_CASE("warnings reach the report and the data set", "[trainer]") {
