@@ -37,8 +37,8 @@ nlohmann::json parseJsonFile(const std::filesystem::path& path) {
     const std::string text = readFile(path);
     try {
         return nlohmann::json::parse(quoteNonNumbers(text));
-    } catch (const nlohmann::json::parse_error& error) {
-        // "[json.exception.parse_error.101] parse error at line 3, column 7: ..."
+    } catch (const nlohmann::json::exception& error) {
+        // "[json.exception.parse_error.101] parse error at line 3, column 7: ...", or out_of_range for 1e400
         const std::string_view what = error.what();
         const std::size_t begin = what.find("] ");
         throw DataError(path.string(), std::string(begin == what.npos ? what : what.substr(begin + 2)),

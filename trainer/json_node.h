@@ -8,8 +8,9 @@
 
 namespace nerfvdb {
 
-/// Parses a file. Throws IoError, or DataError with line and column. Bare NaN and Infinity, which Python writes
-/// though JSON has no such thing, become strings, so that the field that holds them is named when it is read.
+/// Parses a file. Throws IoError, or DataError with line and column, or with the number that no double can hold.
+/// Bare NaN and Infinity, which Python writes though JSON has no such thing, become strings, so that the field
+/// that holds them is named when it is read.
 nlohmann::json parseJsonFile(const std::filesystem::path& path);
 
 /// Borrows a value of a parsed document; `place` reads like "fox/transforms.json: frames[3].file_path".

@@ -19,6 +19,13 @@ TEST_CASE("a JSON file that does not parse is named with line and column", "[tra
     CHECK_THROWS_AS(parseJsonFile(dir / "absent.json"), IoError);
 }
 
+TEST_CASE("a number beyond every double is an error that names the file and the number", "[trainer]") {
+    const TempDir dir;
+    writeAtomically(dir / "a.json", R"({"w": 1e400})");
+    CHECK_THROWS_AS(parseJsonFile(dir / "a.json"), DataError);
+    CHECK_THROWS_WITH(parseJsonFile(dir / "a.json"), Contains("a.json: found") && Contains("1e400"));
+}
+
 TEST_CASE("NaN and Infinity outside strings are found where they are read", "[trainer]") {
     const TempDir dir;
     writeAtomically(dir / "a.json",
