@@ -4,88 +4,70 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <nlohmann/json.hpp>
 #include <numbers>
 #include <string>
 
-#include "core/atomic_file.h"
-#include "core/error.h"
+#include "trainer/json_node.h"
 
 namespace nerfvdb {
 namespace {
 
-using nlohmann::json;
-
 constexpr double kDegree = std::numbers::pi / 180;
 constexpr int kMaxPixels = 32768;  // along an edge
 
-double number(const json& object, const std::string& key, const std::string& where) {
-    const auto found = object.find(key);
-    if (found == object.end()) throw DataError(where + ", field " + key, "nothing", "a number");
-    if (!found->is_number()) throw DataError(where + ", field " + key, found->dump(), "a number");
-    return found->get<double>();
-}
-
-int pixels(const json& object, const std::string& key, const std::string& where) {
-    const double value = number(object, key, where);
-    if (!(value >= 1 && value <= kMaxPixels))
-        throw DataError(where + ", field " + key, std::to_string(value), "pixels from 1 to 32768");
+int pixels(const JsonNode& node) {
+    const double value = node.number();
+    if (!(value >= 1 && value <= kMaxPixels)) node.fail(std::to_string(value), "pixels from 1 to 32768");
     return static_cast<int>(value);
 }
 
-Camera pathCamera(const json& entry, int width, int height, const std::optional<double>& fov_y_rad,
-                  const std::string& where) {
-    if (!entry.is_object()) throw DataError(where, entry.type_name(), "an object");
-    const auto matrix = entry.find("camera_to_world");
-    const bool is_flat =
-        matrix != entry.end() && matrix->is_array() && matrix->size() == 16 &&
-        std::all_of(matrix->begin(), matrix->end(), [](const json& v) { return v.is_number(); });
-    if (!is_flat)
-        throw DataError(where + ", field camera_to_world",
-                        matrix == entry.end() ? "nothing" : matrix->dump().substr(0, 60),
-                        "16 numbers, row by row");
+double angle(const JsonNode& node) {
+    const double degrees = node.number();
+    if (!(degrees > 0 && degrees < 180)) node.fail(std::to_string(degrees), "degrees between 0 and 180");
+    return degrees * kDegree;
+}
+
+Camera pathCamera(const JsonNode& entry, int width, int height, const std::optional<double>& fov_y_rad) {
+    const JsonNode matrix = entry.at("camera_to_world");
+    if (matrix.arraySize() != 16)
+        matrix.fail(std::to_string(matrix.arraySize()) + " elements", "16 numbers, row by row");
 
     Camera camera;
     camera.width = width;
     camera.height = height;
-    const double fov = fov_y_rad ? *fov_y_rad : number(entry, "fov", where) * kDegree;
-    if (!(fov > 0 && fov < std::numbers::pi))
-        throw DataError(where + ", field fov", std::to_string(fov / kDegree), "degrees between 0 and 180");
+    const double fov = fov_y_rad ? *fov_y_rad : angle(entry.at("fov"));
     camera.fx = camera.fy = 0.5 * height / std::tan(0.5 * fov);
     camera.cx = 0.5 * width;
     camera.cy = 0.5 * height;
     for (int row = 0; row < 3; ++row) {
         for (int column = 0; column < 3; ++column)
-            camera.world_from_camera(row, column) = (*matrix)[row * 4 + column].get<double>();
-        camera.position[row] = (*matrix)[row * 4 + 3].get<double>();
+            camera.world_from_camera(row, column) = matrix.element(row * 4 + column).number();
+        camera.position[row] = matrix.element(row * 4 + 3).number();
     }
     const std::string problem = cameraProblem(camera);
-    if (!problem.empty()) throw DataError(where + ": " + problem);
+    if (!problem.empty()) entry.fail(problem, "a usable camera (rigid pose, camera to world)");
     return camera;
 }
 
 }  // namespace
 
 std::vector<Camera> readCameraPath(const std::filesystem::path& path, const PictureSize& size) {
-    const std::string name = path.string();
-    const json root = json::parse(readFile(path), nullptr, false);
-    if (root.is_discarded()) throw DataError(name, "text that is no JSON", "a nerfstudio camera path (JSON)");
-    const auto entries = root.is_object() ? root.find("camera_path") : root.end();
-    if (!root.is_object() || entries == root.end() || !entries->is_array())
-        throw DataError(name, "JSON without a list 'camera_path'", "a nerfstudio camera path",
-                        "other formats are not read; data sets go by --data");
-    if (entries->empty()) throw DataError(name + ", field camera_path", "an empty list", "at least one camera");
-    const std::string type = root.value("camera_type", json("perspective")).dump();
-    if (type != "\"perspective\"")
-        throw DataError(name + ", field camera_type", type, "\"perspective\"",
-                        "other lenses cannot be rendered");
+    const nlohmann::json json = parseJsonFile(path);
+    const JsonNode document(json, path);
+    if (!document.has("camera_path"))
+        document.fail("JSON without a list 'camera_path'", "a nerfstudio camera path",
+                      "other formats are not read; data sets go by --data");
+    const JsonNode entries = document.at("camera_path");
+    if (entries.arraySize() == 0) entries.fail("an empty list", "at least one camera");
+    if (document.has("camera_type"))
+        if (const JsonNode type = document.at("camera_type"); type.text() != "perspective")
+            type.fail("'" + type.text() + "'", "'perspective'", "other lenses cannot be rendered");
 
-    const int width = size.width ? *size.width : pixels(root, "render_width", name);
-    const int height = size.height ? *size.height : pixels(root, "render_height", name);
+    const int width = size.width ? *size.width : pixels(document.at("render_width"));
+    const int height = size.height ? *size.height : pixels(document.at("render_height"));
     std::vector<Camera> cameras;
-    for (std::size_t i = 0; i < entries->size(); ++i)
-        cameras.push_back(pathCamera((*entries)[i], width, height, size.fov_y_rad,
-                                     name + ", camera_path[" + std::to_string(i) + "]"));
+    for (std::size_t i = 0; i < entries.arraySize(); ++i)
+        cameras.push_back(pathCamera(entries.element(i), width, height, size.fov_y_rad));
     return cameras;
 }
 

@@ -66,14 +66,17 @@ TEST_CASE("a bad camera path names file and field", "[cli]") {
         return "";
     };
     using Catch::Matchers::Contains;
-    CHECK_THAT(message("{"), Contains("nerfvdb_camera_path_test.json") && Contains("no JSON"));
+    CHECK_THAT(message("{"), Contains("nerfvdb_camera_path_test.json") && Contains("line 1, column 2"));
     CHECK_THAT(message("[]"), Contains("camera_path"));
     CHECK_THAT(message(R"({"camera_path": []})"), Contains("empty"));
     CHECK_THAT(message(R"({"camera_path": [{}]})"), Contains("render_width"));
     const std::string head = R"({"render_width": 8, "render_height": 8, )";
     CHECK_THAT(message(head + R"("camera_type": "fisheye", "camera_path": [{}]})"), Contains("fisheye"));
     CHECK_THAT(message(head + R"("camera_path": [{"fov": 50}]})"),
-               Contains("camera_path[0], field camera_to_world"));
+               Contains("camera_path[0]: found no key 'camera_to_world'"));
+    const std::string with_nan = "[1,0,0,NaN, 0,1,0,20, 0,0,1,30, 0,0,0,1]";
+    CHECK_THAT(message(head + R"("camera_path": [{"fov": 50, "camera_to_world": )" + with_nan + "}]}"),
+               Contains("camera_path[0].camera_to_world[3]: found \"NaN\""));
     CHECK_THAT(message(head + R"("camera_path": [{"camera_to_world": )" + kPose + "}]}"), Contains("fov"));
     CHECK_THAT(message(head + R"("camera_path": [{"fov": 180, "camera_to_world": )" + kPose + "}]}"),
                Contains("between 0 and 180"));

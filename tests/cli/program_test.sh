@@ -147,10 +147,11 @@ test_bad_input() {
     says err "camera_path"
     printf '{"camera_path": [{"camera_to_world": [1, 2], "fov": 40}], "render_width": 8, "render_height": 8}' >path.json
     expect 1 render model.vdb --path path.json --out pictures
-    says err "camera_path[0], field camera_to_world"
+    says err "camera_path[0].camera_to_world: found 2 elements"
     printf '{"camera_path": [}' >path.json
     expect 1 render model.vdb --path path.json --out pictures
-    says err "no JSON"
+    says err "path.json"
+    says err "line 1, column 18"
 
     # Voxels smaller than the model's file can say, refused before training.
     expect 1 train data --out tiny.vdb --steps 9 --bounds 0 0 0 1e-5 1e-5 1e-5
