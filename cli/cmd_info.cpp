@@ -33,9 +33,17 @@ void describeModel(const InfoWords& words) {
     const double in_box = dims.cast<double>().prod();
     const double share = in_box > 0 ? static_cast<double>(topology.voxelCount()) / in_box : 0;
     const auto file_bytes = std::filesystem::file_size(words.path);
+    Json grids = Json::array();
+    std::string grids_text;
+    for (const GridFacts& grid : listGrids(words.path)) {
+        grids.push_back({{"name", grid.name}, {"type", grid.type}, {"active_voxels", grid.active_voxels}});
+        grids_text += formatted("grid %s: %s, %zu active voxels\n", grid.name.c_str(), grid.type.c_str(),
+                                grid.active_voxels);
+    }
 
     const Json json = {{"command", "info"},
                        {"kind", "model"},
+                       {"grids", grids},
                        {"resolution", {dims.x(), dims.y(), dims.z()}},
                        {"voxel_size", field.frame().voxel_size},
                        {"bounds", boxJson(field.worldBox())},
@@ -54,6 +62,7 @@ void describeModel(const InfoWords& words) {
     const std::string text =
         formatted("model: density and %d features a voxel, %zu decoder parameters\n", field.channels(),
                   model.decoder.parameters().size()) +
+        grids_text +
         formatted("resolution: %d x %d x %d, voxels of %.4g world units\n", dims.x(), dims.y(), dims.z(),
                   field.frame().voxel_size) +
         "bounds: " + boxText(field.worldBox()) + "\n" +

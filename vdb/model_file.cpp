@@ -170,6 +170,12 @@ void checkFile(const std::filesystem::path& path) {
     }
 }
 
+constexpr bool kDelayedLoading = false;
+
+DataError unreadable(const std::filesystem::path& path, const openvdb::Exception& error) {
+    return DataError(path.string(), std::string("OpenVDB's error \"") + error.what() + "\"", "a model.vdb");
+}
+
 Vec3i gridDims(const Facts& facts) {
     const openvdb::Vec3i stored = facts.get<openvdb::Vec3i>("nerfvdb_dims");
     const Vec3i dims(stored.x(), stored.y(), stored.z());
@@ -249,7 +255,6 @@ Model loadModel(const std::filesystem::path& path) {
     try {
         openvdb::initialize();
         openvdb::io::File file(path.string());
-        constexpr bool kDelayedLoading = false;
         file.open(kDelayedLoading);
         const openvdb::MetaMap::Ptr map = file.getMetadata();
         const Facts facts(*map, path.string());
@@ -266,7 +271,22 @@ Model loadModel(const std::filesystem::path& path) {
         model.info.train_psnr = facts.get<double>("nerfvdb_train_psnr");
         return model;
     } catch (const openvdb::Exception& error) {
-        throw DataError(path.string(), std::string("OpenVDB's error \"") + error.what() + "\"", "a model.vdb");
+        throw unreadable(path, error);
+    }
+}
+
+std::vector<GridFacts> listGrids(const std::filesystem::path& path) {
+    try {
+        openvdb::initialize();
+        openvdb::io::File file(path.string());
+        file.open(kDelayedLoading);
+        const openvdb::GridPtrVecPtr found = file.getGrids();
+        std::vector<GridFacts> grids;
+        for (const openvdb::GridBase::Ptr& grid : *found)
+            grids.push_back({grid->getName(), grid->valueType(), grid->activeVoxelCount()});
+        return grids;
+    } catch (const openvdb::Exception& error) {
+        throw unreadable(path, error);
     }
 }
 

@@ -5,6 +5,8 @@
 #pragma once
 
 #include <filesystem>
+#include <string>
+#include <vector>
 
 #include "vdb/model.h"
 
@@ -17,6 +19,15 @@ void saveModel(const Model& model, const std::filesystem::path& path);
 /// Throws IoError / DataError: not a .vdb, a .vdb that is not a model, a damaged or truncated model (its
 /// checksum is verified before anything is parsed), a version that this program does not know.
 Model loadModel(const std::filesystem::path& path);
+
+/// One grid of a .vdb file.
+struct GridFacts {
+    std::string name, type;  // type of a value, such as "float"
+    std::size_t active_voxels = 0;
+};
+
+/// The grids that other programs find in a .vdb file. Throws DataError when it is none.
+std::vector<GridFacts> listGrids(const std::filesystem::path& path);
 
 /// True if the file begins as a .vdb does. Throws IoError when it cannot be read.
 bool isVdbFile(const std::filesystem::path& path);
