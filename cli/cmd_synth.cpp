@@ -87,7 +87,9 @@ Command addSynth(CLI::App& program) {
     number("--height", words->dataset.height, "Pixels", 16, 8192);
     number("--resolution", words->resolution, "Voxels along the truth's longest edge", 16, 2048);
     app.add_flag("--no-truth", words->no_truth, "Leave out truth.vdb and truth.ply");
-    app.add_option("--seed", words->dataset.seed, "Turns the cameras about the scene [1]")->type_name("S");
+    app.add_option("--seed", words->dataset.seed, "Turns the cameras about the scene [1]")
+        ->check(CLI::NonNegativeNumber)
+        ->type_name("S");
     words->shared.add(app, "  nerfvdb synth demo --out data/demo --views 60 --width 400 --height 400");
     return {&app, [words] { runSynth(*words); }};
 }

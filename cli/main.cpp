@@ -30,6 +30,10 @@ int runProgram(int argc, char** argv) {
     try {
         program.parse(argc, argv);
     } catch (const CLI::ParseError& error) {
+        // Of an unknown word CLI11 says only that a sub-command is required.
+        const std::vector<std::string> words = program.remaining();
+        if (error.get_name() == "RequiredError" && program.get_subcommands().empty() && !words.empty())
+            throw UsageError("command", "'" + words.front() + "'", "one that 'nerfvdb --help' lists");
         return program.exit(error) == 0 ? kDone : kWrongUsage;  // --help and --version arrive here too
     }
     catchInterrupts();

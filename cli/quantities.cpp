@@ -72,7 +72,9 @@ Box parseBounds(const std::string& where, const std::vector<double>& numbers) {
     for (int axis = 0; axis < 3; ++axis) {
         const double size = box.size()[axis];
         if (!(size > 0) || !std::isfinite(size))
-            throw UsageError(where, std::to_string(box.min[axis]) + " to " + std::to_string(box.max[axis]),
+            throw UsageError(where,
+                             std::string(1, "xyz"[axis]) + " from " + std::to_string(box.min[axis]) + " to " +
+                                 std::to_string(box.max[axis]),
                              expected);
     }
     return box;

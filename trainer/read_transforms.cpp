@@ -260,7 +260,7 @@ void dropAbsent(std::vector<Frame>& frames, const fs::path& file, bool strict,
     const std::string absent = std::to_string(n_listed - frames.size()) + " of " + std::to_string(n_listed) +
                                " frames without an image (first: " + example.string() + ")";
     const std::string where = file.string() + ": frames";
-    if (strict) throw DataError(where, absent, "an image for every frame", "add them or allow absent images");
+    if (strict) throw DataError(where, absent, "an image for every frame", "add them or leave out --strict");
     if (2 * frames.size() < n_listed) throw DataError(where, absent, "at least half of the images");
     warnings.push_back(where + ": " + absent + " are left out");
 }

@@ -68,6 +68,7 @@ test_version() {
 test_usage() {
     expect 2
     expect 2 fly
+    says err "command: found 'fly'"
     expect 2 train
     expect 2 train data
     says err "--out"
@@ -93,6 +94,8 @@ test_usage() {
     expect 2 render model.vdb --orbit 3 --data data
     expect 2 synth cathedral --out data
     says err "cathedral"
+    expect 2 synth sphere --out data --seed -1
+    says err "--seed"
     expect 2 mesh model.vdb --out mesh.stl
     says err "mesh.stl"
     [[ ! -e data ]] || fail "a refused command made a folder"

@@ -38,6 +38,8 @@ TEST_CASE("bounds are two corners", "[cli]") {
     CHECK(box.max == Vec3d(1, 2, 3));
     CHECK_THROWS_AS(parseBounds("--bounds", {0, 0, 0, 1, 1}), UsageError);
     CHECK_THROWS_AS(parseBounds("--bounds", {0, 0, 0, 1, 0, 1}), UsageError);
+    CHECK_THROWS_WITH(parseBounds("--bounds", {0, 0, 0, 1, 0, 1}),
+                      Catch::Contains("--bounds: found y from 0.0"));
     CHECK_THROWS_AS(parseBounds("--bounds", {0, 0, NAN, 1, 1, 1}), UsageError);
     CHECK_THROWS_AS(parseBounds("--bounds", {0, 0, 0, 1, 1, INFINITY}), UsageError);
 }

@@ -54,6 +54,8 @@ TEST_CASE("warnings reach the report and the data set", "[trainer]") {
     REQUIRE(notes.warnings.size() == 1);
     CHECK(notes.warnings == dataset.warnings);
     CHECK_THROWS_AS(readDataset(scene.dir.path(), Split::train, {.strict = true}, notes), DataError);
+    CHECK_THROWS_WITH(readDataset(scene.dir.path(), Split::train, {.strict = true}, notes),
+                      Contains("104.png") && Contains("leave out --strict"));
 }
 
 TEST_CASE("of several broken images the first is named, whatever the threads", "[trainer]") {
