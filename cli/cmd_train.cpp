@@ -154,6 +154,7 @@ Command addTrain(CLI::App& program) {
                  "those of the checkpoint: no --preset, --time, --steps, --background, --bounds, --seed");
     app.add_flag("--strict", words->strict, "A frame without its image is an error, not a warning");
     app.add_option("--seed", words->seed, "Same seed and --steps, same file, byte for byte [1]")
+        ->check(CLI::NonNegativeNumber)
         ->type_name("S");
     words->shared.add(app,
                       "  nerfvdb train data/lego --out lego.vdb --time 5m\n"

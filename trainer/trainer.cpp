@@ -85,6 +85,7 @@ public:
     TrainResult run();
 
 private:
+    std::size_t memoryFor(const Topology& topology) const;  // of photographs, voxels and moments, bytes
     void chooseBackground();
     void planFromOptions();
     void checkFinestVoxel(const Box& box, double coarsest_voxel) const;
@@ -136,6 +137,11 @@ void Training::start() {
         throw DataError(dataset_.root.string(), "no point of the scene's box in view of two cameras",
                         "cameras that look at a common scene", "check the poses, or give --bounds");
 
+    if (options_.max_memory_bytes && memoryFor(topology) > *options_.max_memory_bytes)
+        throw UsageError("--max-memory", std::to_string(*options_.max_memory_bytes >> 20) + " MiB",
+                         "at least " + std::to_string((memoryFor(topology) >> 20) + 1) +
+                             " MiB, for the photographs and the coarsest voxels",
+                         "allow more, or use fewer or smaller photographs");
     state_.decoder = Decoder(kChannels, options_.seed);
     state_.field = VoxelField(std::move(topology), grid.frame, kChannels, kUnitsPerBox / box.size().maxCoeff());
     const Topology& cells = state_.field.topology();
@@ -170,6 +176,13 @@ void Training::resume() {
     source_ = RaySource(dataset_, place_.seed);
     source_.update(state_.field, state_.occupancy);
     report_.info("resuming at step " + std::to_string(place_.step) + " of " + std::to_string(totalSteps()));
+}
+
+std::size_t Training::memoryFor(const Topology& topology) const {
+    std::size_t photographs = 0;
+    for (const View& view : dataset_.views) photographs += view.photo.pixels.size() * sizeof view.photo.pixels[0];
+    // A density, its moment and one moment for all features stand beside the features.
+    return photographs + topology.leafCount() * kLeafVoxels * (kChannels + 3) * sizeof(float);
 }
 
 void Training::chooseBackground() {
@@ -344,9 +357,7 @@ void Training::refine() {
     const Topology coarse = state_.field.topology();
     Topology fine_topology = subdivide(coarse, keep);
 
-    // Two values and two moments per voxel stand beside the features.
-    const std::size_t fine_bytes =
-        fine_topology.leafCount() * kLeafVoxels * (state_.field.channels() + 3) * sizeof(float);
+    const std::size_t fine_bytes = memoryFor(fine_topology);
     if (options_.max_memory_bytes && fine_bytes > *options_.max_memory_bytes) {
         notes_.push_back("stayed at voxels of " + std::to_string(state_.field.frame().voxel_size) +
                          ": finer ones need " + std::to_string(fine_bytes >> 20) + " MiB, --max-memory allows " +

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <nlohmann/json.hpp>
 #include <numbers>
 
@@ -119,13 +118,7 @@ void writeSyntheticDataset(const SyntheticScene& scene, const std::filesystem::p
         transforms["frames"] = nlohmann::json::array();
         for (std::size_t i = 0; i < cameras.size(); ++i)
             transforms["frames"].push_back(toJson(cameras[i], "./" + name + "/r_" + std::to_string(i)));
-        writeAtomically(folder / ("transforms_" + name + ".json"), [&](const std::filesystem::path& temporary) {
-            std::ofstream out(temporary, std::ios::binary);
-            out << transforms.dump(4) << '\n';
-            out.close();
-            if (!out)
-                throw IoError(temporary.string(), "a failed write", "room for the file", "is the disk full?");
-        });
+        writeAtomically(folder / ("transforms_" + name + ".json"), transforms.dump(4) + "\n");
     }
 }
 

@@ -114,6 +114,13 @@ test_bad_input() {
     says err "empty"
     [[ ! -e model.vdb ]] || fail "a model of nothing"
 
+    # Less memory than photographs need.
+    tiny_scene --no-truth
+    expect 2 train data --out model.vdb --steps 60 --max-memory 100KB
+    says err "--max-memory"
+    says err "photographs"
+    [[ ! -e model.vdb ]] || fail "a model in no memory"
+
     # A file that is no model.
     printf 'this is no model\n' >text.vdb
     for command in "eval text.vdb data" "render text.vdb --orbit 2" "export text.vdb --out volume.vdb" \
