@@ -39,6 +39,11 @@ int repeatsOf(const BenchWords& words, int quick, int full) {
     return words.repeats > 0 ? words.repeats : words.quick ? quick : full;
 }
 
+Result plotted(BenchResult result, Plot (*plotOf)(const BenchResult&)) {
+    Plot plot = plotOf(result);
+    return {std::move(result), std::move(plot)};
+}
+
 /// What render, scaling and skip look at.
 Subject subjectOf(const BenchWords& words, Report& report) {
     SubjectOptions options;
@@ -74,38 +79,28 @@ Result measureQuality(const BenchWords& words, Report& report) {
     if (scenes.empty())
         for (const char* name : {"demo", "thin", "glossy"})
             scenes.push_back(proceduralScene(name, pictures, report));
-    BenchResult result = benchQuality(scenes, options, report);
-    Plot plot = qualityPlot(result);
-    return {std::move(result), std::move(plot)};
+    return plotted(benchQuality(scenes, options, report), qualityPlot);
 }
 
 Result measureRender(const BenchWords& words, Report& report) {
-    BenchResult result = benchRender(subjectOf(words, report), {.repeats = repeatsOf(words, 3, 7)}, report);
-    Plot plot = renderPlot(result);
-    return {std::move(result), std::move(plot)};
+    return plotted(benchRender(subjectOf(words, report), {.repeats = repeatsOf(words, 3, 7)}, report), renderPlot);
 }
 
 Result measureScaling(const BenchWords& words, Report& report) {
     ScalingOptions options;
     options.repeats = repeatsOf(words, 3, 7);
-    BenchResult result = benchScaling(subjectOf(words, report), options, report);
-    Plot plot = scalingPlot(result);
-    return {std::move(result), std::move(plot)};
+    return plotted(benchScaling(subjectOf(words, report), options, report), scalingPlot);
 }
 
 Result measureSkip(const BenchWords& words, Report& report) {
-    BenchResult result = benchSkip(subjectOf(words, report), {.repeats = repeatsOf(words, 3, 7)}, report);
-    Plot plot = skipPlot(result);
-    return {std::move(result), std::move(plot)};
+    return plotted(benchSkip(subjectOf(words, report), {.repeats = repeatsOf(words, 3, 7)}, report), skipPlot);
 }
 
 Result measureKernels(const BenchWords& words, Report& report) {
     KernelOptions options;
     options.repeats = repeatsOf(words, 3, 7);
     if (words.quick) options.min_sample_s = 0.02;
-    BenchResult result = benchKernels(options, report);
-    Plot plot = kernelPlot(result);
-    return {std::move(result), std::move(plot)};
+    return plotted(benchKernels(options, report), kernelPlot);
 }
 
 void runMeasure(const BenchWords& words, const Measure& measure) {

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
+#include <limits>
 #include <vector>
 
 #include "vdb/occupancy.h"
@@ -19,15 +19,9 @@ constexpr std::uint64_t kStream = std::uint64_t{1} << 62;  // steps that no trai
 
 /// The largest raw density of a cell's corners: what findOccupied judges it by.
 float densestCorner(const Bricks& bricks, std::int32_t leaf, std::int32_t cell) {
-    const int p[3] = {cell >> 6, cell >> 3 & 7, cell & 7};
     float most = -std::numeric_limits<float>::infinity();
-    for (int corner = 0; corner < 8; ++corner) {
-        const int x = p[0] + (corner >> 2 & 1), y = p[1] + (corner >> 1 & 1), z = p[2] + (corner & 1);
-        const int crossed = (x >> 3) * 4 + (y >> 3) * 2 + (z >> 3);
-        const auto owner =
-            static_cast<std::size_t>(bricks.upper_neighbours[static_cast<std::size_t>(leaf) * 8 + crossed]);
-        most = std::max(most, bricks.density[owner * kLeafVoxels + brickOffset(x & 7, y & 7, z & 7)]);
-    }
+    for (int corner = 0; corner < 8; ++corner)
+        most = std::max(most, bricks.density[cornerIndex(bricks, leaf, cell, corner)]);
     return most;
 }
 
@@ -39,6 +33,9 @@ float chooseMinAlpha(const VoxelField& field, const RaySource& source, std::uint
     const TraceScene scene(field, everything);
     TraceOptions all_weights;
     all_weights.min_weight = all_weights.max_dropped = 0;
+
+    std::array<float, kMinAlphas.size()> min_raw;
+    for (std::size_t k = 0; k < kMinAlphas.size(); ++k) min_raw[k] = rawFromVoxelAlpha(field, kMinAlphas[k]);
 
     // hidden[k][ray]: light in cells below the k-th threshold.
     std::array<std::vector<float>, kMinAlphas.size()> hidden;
@@ -53,10 +50,8 @@ float chooseMinAlpha(const VoxelField& field, const RaySource& source, std::uint
         tracer.trace(scene, all_weights, kept);
         std::array<std::array<float, kTileRays>, kMinAlphas.size()> sums{};
         for (int i = 0; i < kept.n; ++i) {
-            const float sigma = std::exp(densestCorner(scene.bricks, kept.leaf[i], kept.cell[i])) *
-                                static_cast<float>(scene.density_scale);
-            const float alpha = -std::expm1(-sigma * static_cast<float>(scene.frame.voxel_size));
-            for (std::size_t k = 0; k < kMinAlphas.size() && alpha < kMinAlphas[k]; ++k)
+            const float raw = densestCorner(scene.bricks, kept.leaf[i], kept.cell[i]);
+            for (std::size_t k = 0; k < kMinAlphas.size() && raw < min_raw[k]; ++k)
                 sums[k][static_cast<std::size_t>(kept.ray[i])] += kept.weight[i];
         }
         for (std::size_t k = 0; k < kMinAlphas.size(); ++k)

@@ -87,6 +87,8 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
     tracer.trace(scene, trace, gradients.kept);
     const std::vector<std::int32_t>& lit = tracer.litRays();
     const int n_lit = static_cast<int>(lit.size());
+    // Of other rays nothing must stay from the tile before: zero times NaN is NaN, and would name the wrong pixel.
+    std::fill(worker.rgb.begin(), worker.rgb.end(), 0.0f);
     state.decoder.forward(n_lit, tracer.rayFeatures(), tracer.directions(), worker.rgb.data(), worker.decoding,
                           lit.data());
 

@@ -16,6 +16,8 @@ constexpr float kOutputGain = 0.1f;  // the network starts as a small correction
 
 float sigmoid(float x) { return 1.0f / (1.0f + std::exp(-x)); }
 
+int rowAt(const std::int32_t* rows, int i) { return rows ? rows[i] : i; }
+
 }  // namespace
 
 Decoder::Decoder(int channels, std::uint64_t seed)
@@ -35,7 +37,7 @@ void Decoder::forward(int n, const float* features, const float* direction, floa
     const int stride = work.activations.stride;
     float* const input = work.activations.layer(0);
     for (int i = 0; i < n; ++i) {
-        const int row = rows ? rows[i] : i;
+        const int row = rowAt(rows, i);
         for (int c = 0; c < channels_; ++c) input[c * stride + i] = features[row * channels_ + c];
         sphericalHarmonics(direction[row * 3], direction[row * 3 + 1], direction[row * 3 + 2],
                            input + channels_ * stride + i, stride);
@@ -44,7 +46,7 @@ void Decoder::forward(int n, const float* features, const float* direction, floa
     const float* const output = work.activations.layer(shape_.layerCount());
     for (int c = 0; c < 3; ++c)
         for (int i = 0; i < n; ++i)
-            rgb[(rows ? rows[i] : i) * 3 + c] = work.rgb[c * stride + i] =
+            rgb[rowAt(rows, i) * 3 + c] = work.rgb[c * stride + i] =
                 sigmoid(input[c * stride + i] + output[c * stride + i]);
 }
 
@@ -56,7 +58,7 @@ void Decoder::backward(int n, const float* dl_drgb, float* dl_dfeatures, std::sp
     for (int c = 0; c < 3; ++c) {
         for (int i = 0; i < n; ++i) {
             const float value = work.rgb[c * stride + i];
-            dl_doutput[c * stride + i] = dl_drgb[(rows ? rows[i] : i) * 3 + c] * value * (1 - value);
+            dl_doutput[c * stride + i] = dl_drgb[rowAt(rows, i) * 3 + c] * value * (1 - value);
         }
         for (int i = n; i < padded; ++i) dl_doutput[c * stride + i] = 0;
     }
@@ -64,7 +66,7 @@ void Decoder::backward(int n, const float* dl_drgb, float* dl_dfeatures, std::sp
     const float* const dl_dinput = work.gradients.layer(0);
     for (int i = 0; i < n; ++i)
         for (int c = 0; c < channels_; ++c)
-            dl_dfeatures[(rows ? rows[i] : i) * channels_ + c] =
+            dl_dfeatures[rowAt(rows, i) * channels_ + c] =
                 dl_dinput[c * stride + i] + (c < 3 ? dl_doutput[c * stride + i] : 0.0f);
 }
 

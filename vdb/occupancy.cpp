@@ -96,11 +96,14 @@ Occupancy occupancyFromCells(const Topology& topology, std::vector<LeafMask> cel
     return occupancy;
 }
 
+float rawFromVoxelAlpha(const VoxelField& field, float alpha) {
+    const double tau = -std::log1p(-static_cast<double>(alpha));
+    return static_cast<float>(std::log(std::max(tau, 1e-30) / (field.densityScale() * field.frame().voxel_size)));
+}
+
 Occupancy findOccupied(const VoxelField& field, float min_alpha) {
     const Topology& topology = field.topology();
-    const double min_tau = -std::log1p(-static_cast<double>(min_alpha));
-    const float min_raw = static_cast<float>(
-        std::log(std::max(min_tau, 1e-30) / (field.densityScale() * field.frame().voxel_size)));
+    const float min_raw = rawFromVoxelAlpha(field, min_alpha);
 
     std::vector<LeafMask> dense(topology.leafCount());  // voxels at or above the threshold
     parallelRanges(topology.leafCount(), 64, [&](std::size_t first, std::size_t last) {

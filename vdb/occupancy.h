@@ -20,6 +20,9 @@ struct Occupancy {
     std::size_t leafCount() const;  // leaves with at least one occupied cell
 };
 
+/// Raw density at which light crossing one voxel loses `alpha` of itself.
+float rawFromVoxelAlpha(const VoxelField& field, float alpha);
+
 /// A cell is occupied if it exists and light crossing one voxel at the density of its densest corner loses at
 /// least `min_alpha`. Trilinear values never exceed the corners, so a cell that is not occupied stops less.
 Occupancy findOccupied(const VoxelField& field, float min_alpha);

@@ -24,16 +24,11 @@ struct Worker {
 
 /// Slope of the interpolated raw density at a sample, per voxel: the derivative of the trilinear polynomial.
 Vec3f rawSlope(const Bricks& bricks, const KeptSamples& kept, int i) {
-    const int cell = kept.cell[i];
     const float f[3] = {kept.x[i], kept.y[i], kept.z[i]};
     Vec3f slope = Vec3f::Zero();
     for (int corner = 0; corner < 8; ++corner) {
         const int bit[3] = {corner >> 2 & 1, corner >> 1 & 1, corner & 1};
-        const int p[3] = {(cell >> 6) + bit[0], (cell >> 3 & 7) + bit[1], (cell & 7) + bit[2]};
-        const int crossed = (p[0] >> 3) * 4 + (p[1] >> 3) * 2 + (p[2] >> 3);
-        const std::size_t owner =
-            static_cast<std::size_t>(bricks.upper_neighbours[static_cast<std::size_t>(kept.leaf[i]) * 8 + crossed]);
-        const float raw = bricks.density[owner * kLeafVoxels + brickOffset(p[0] & 7, p[1] & 7, p[2] & 7)];
+        const float raw = bricks.density[cornerIndex(bricks, kept.leaf[i], kept.cell[i], corner)];
         for (int axis = 0; axis < 3; ++axis) {
             const int b = (axis + 1) % 3, c = (axis + 2) % 3;
             const float weight = (bit[b] ? f[b] : 1 - f[b]) * (bit[c] ? f[c] : 1 - f[c]);
@@ -77,6 +72,8 @@ RenderedImage Renderer::render(const Camera& camera) const {
                 tracer.addRay(scene, cameraRay(camera, x + 0.5, y + 0.5), options_.trace.step_voxels, 0.5f);
         tracer.trace(scene, options_.trace, worker.kept);
         const std::vector<std::int32_t>& lit = tracer.litRays();
+        // Of other rays nothing must stay from the tile before: zero times NaN is NaN.
+        std::fill(worker.rgb.begin(), worker.rgb.end(), 0.0f);
         model_.decoder.forward(static_cast<int>(lit.size()), tracer.rayFeatures(), tracer.directions(),
                                worker.rgb.data(), worker.decoding, lit.data());
 

@@ -29,6 +29,16 @@ struct Bricks {
     int channels = 0;                                // 4, 8 or 16
 };
 
+/// Value number of a cell's corner (0..7: bits x, y, z) in a pool of bricks. For what is not in a hurry.
+inline std::size_t cornerIndex(const Bricks& bricks, std::int32_t leaf, std::int32_t cell, int corner) {
+    const int x = (cell >> 6) + (corner >> 2 & 1);
+    const int y = (cell >> 3 & 7) + (corner >> 1 & 1);
+    const int z = (cell & 7) + (corner & 1);
+    const int crossed = (x >> 3) * 4 + (y >> 3) * 2 + (z >> 3);
+    const std::size_t owner = static_cast<std::size_t>(bricks.upper_neighbours[leaf * std::size_t{8} + crossed]);
+    return owner * 512 + static_cast<std::size_t>((x & 7) * 64 + (y & 7) * 8 + (z & 7));
+}
+
 /// Rays in index space, [n] each; sample k of a ray lies at distance offset + k * step from its origin.
 struct RayTile {
     int n = 0;

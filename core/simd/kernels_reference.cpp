@@ -9,16 +9,6 @@
 namespace nerfvdb::reference {
 namespace {
 
-/// Value number of a cell's corner (0..7: bits x, y, z) in a pool of bricks.
-std::size_t cornerIndex(const Bricks& bricks, std::int32_t leaf, std::int32_t cell, int corner) {
-    const int x = (cell >> 6) + (corner >> 2 & 1);
-    const int y = (cell >> 3 & 7) + (corner >> 1 & 1);
-    const int z = (cell & 7) + (corner & 1);
-    const int crossed = (x >> 3) * 4 + (y >> 3) * 2 + (z >> 3);
-    const std::size_t owner = static_cast<std::size_t>(bricks.upper_neighbours[leaf * std::size_t{8} + crossed]);
-    return owner * 512 + static_cast<std::size_t>((x & 7) * 64 + (y & 7) * 8 + (z & 7));
-}
-
 float cornerWeight(float fx, float fy, float fz, int corner) {
     return (corner & 4 ? fx : 1 - fx) * (corner & 2 ? fy : 1 - fy) * (corner & 1 ? fz : 1 - fz);
 }

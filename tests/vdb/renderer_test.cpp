@@ -98,6 +98,13 @@ TEST_CASE("rays that meet nothing show the background, and their decoding change
     for (int c = 0; c < 3; ++c) CHECK(few.rgb.at(0, 0)[c] == model.background[c]);
     CHECK(*few.opacity.at(0, 0) == 0);
     CHECK(*few.opacity.at(20, 20) > 0.5f);
+
+    // A broken model shows where it is broken, and there alone, whichever tiles a thread did before.
+    for (float& feature : model.field.features()) feature = std::numeric_limits<float>::quiet_NaN();
+    const ThreadLimit one_thread(1);
+    const RenderedImage broken = Renderer(model, {}).render(camera);
+    CHECK(std::isnan(broken.rgb.at(20, 20)[0]));
+    for (int c = 0; c < 3; ++c) CHECK(broken.rgb.at(39, 39)[c] == model.background[c]);
 }
 
 TEST_CASE("depth of a slab: its face where it is opaque, its light's centre where it is thin") {
