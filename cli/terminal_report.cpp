@@ -51,10 +51,13 @@ void TerminalReport::begin(const std::string& stage, std::int64_t total) {
     stage_ = stage;
     note_.clear();
     total_ = total;
-    done_ = rate_done_ = 0;
+    done_ = 0;
+    rate_done_ = -1;
     rate_ = 0;
     began_ = drawn_ = rated_ = Clock::now();
 }
+
+void TerminalReport::replan(std::int64_t total) { total_ = total; }
 
 void TerminalReport::update(std::int64_t done, const std::string& note) {
     if (stage_.empty()) return;
@@ -63,9 +66,10 @@ void TerminalReport::update(std::int64_t done, const std::string& note) {
     const auto now = Clock::now();
 
     // The rate of the last seconds, not of the whole stage: training steps change their cost as it goes.
+    // What the first update tells may have been done before the stage began, as when training is resumed.
     const double interval = secondsBetween(rated_, now);
-    if (interval >= kRateSeconds || rate_ == 0) {
-        if (interval > 0) {
+    if (rate_done_ < 0 || interval >= kRateSeconds) {
+        if (rate_done_ >= 0) {
             const double rate = static_cast<double>(done - rate_done_) / interval;
             const double keep = rate_ == 0 ? 0 : std::exp(-interval / kRateMemory);
             rate_ = keep * rate_ + (1 - keep) * rate;

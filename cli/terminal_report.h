@@ -17,6 +17,7 @@ public:
     ~TerminalReport() override;
 
     void begin(const std::string& stage, std::int64_t total) override;
+    void replan(std::int64_t total) override;
     void update(std::int64_t done, const std::string& note) override;
     void end() override;
     void info(const std::string& line) override;
@@ -35,7 +36,7 @@ private:
     std::string note_;
     std::int64_t total_ = 0, done_ = 0;
     double rate_ = 0;  // units per second, smoothed
-    std::int64_t rate_done_ = 0;
+    std::int64_t rate_done_ = -1;  // when the rate was last measured; -1: not yet
     Clock::time_point began_, drawn_, rated_;
 };
 

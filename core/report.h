@@ -15,6 +15,8 @@ public:
 
     /// A stage of `total` units begins (0: unknown length); the previous stage is over.
     virtual void begin(const std::string& stage, std::int64_t total) { (void)stage, (void)total; }
+    /// The current stage turns out to be of `total` units.
+    virtual void replan(std::int64_t total) { (void)total; }
     /// `done` units are finished; `note` is a short state such as "loss 0.0012, 31.2 dB".
     virtual void update(std::int64_t done, const std::string& note) { (void)done, (void)note; }
     /// The current stage is finished.

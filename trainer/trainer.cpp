@@ -249,7 +249,7 @@ void Training::replanForTime() {
         stage().steps = done;
     }
     planTime(place_.stages, place_.stage, place_.step_in_stage, step_seconds_, left);
-    report_.begin("training", totalSteps());
+    report_.replan(totalSteps());
     report_.info("plan: " + scheduleText(place_.stages) + " steps");
 }
 
