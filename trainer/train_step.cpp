@@ -48,6 +48,7 @@ StepReport TrainStepper::differentiate(const TrainState& state, const RaySource&
     for (std::size_t t = 0; t < n_tiles_; ++t) {
         const StepReport& tile = tiles_[t].report;
         report.squared_error += tile.squared_error;
+        report.distortion += tile.distortion;
         report.rays += tile.rays;
         report.trace += tile.trace;
         if (!tile.is_finite && report.is_finite) {
@@ -122,7 +123,9 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
     gradients.dl_dray_features.resize(static_cast<std::size_t>(kMaxTileRays) * state.field.channels());
     state.decoder.backward(n_lit, worker.dl_drgb.data(), gradients.dl_dray_features.data(), tile.dl_dnetwork,
                            worker.decoding, lit.data());
-    tracer.traceBackward(scene, gradients.dl_dray_features.data(), worker.dl_dtransmittance.data(), gradients.kept);
+    tracer.traceBackward(scene, gradients.dl_dray_features.data(), worker.dl_dtransmittance.data(),
+                         state.distortion, gradients.kept);
+    tile.report.distortion = tracer.distortion();
     gradients.bin(state.field.topology());
     tile.report.trace = tracer.counters();
 }

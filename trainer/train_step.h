@@ -37,11 +37,13 @@ struct TrainState {
     std::vector<LeafMask> seen;       // [leaf] cells that held a kept sample since the last reset
     Vec3f background = Vec3f::Ones();
     bool random_background = false;   // train against a random colour behind each ray (needs alpha)
+    float distortion = 0.02f;         // of the loss, per unit of RayTracer::distortion
 };
 
 /// What a step saw; sums over its rays.
 struct StepReport {
     double squared_error = 0;  // summed over rays and channels
+    double distortion = 0;     // summed over rays
     std::uint64_t rays = 0;
     TraceCounters trace;
     bool is_finite = true;
@@ -56,7 +58,7 @@ public:
     StepReport step(TrainState& state, const RaySource& source, std::uint64_t step, int batch,
                     const StepRates& rates, const TraceOptions& trace);
 
-    /// The two halves of a step. First the loss (StepReport::squared_error) and its gradient; nothing moves ...
+    /// The two halves of a step. First the loss (squared_error + state.distortion * distortion) and its gradient; nothing moves ...
     StepReport differentiate(const TrainState& state, const RaySource& source, std::uint64_t step, int batch,
                              const TraceOptions& trace);
     /// ... which stands here: of the voxels, leaf by leaf as LeafScatter::run hands it out, once; of the network.

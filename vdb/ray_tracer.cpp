@@ -134,11 +134,25 @@ void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, Kept
                           ray_features_.data());
 }
 
+void RayTracer::addDistortionSlopes(float per_voxel, float dl_ddistortion, const KeptSamples& kept) {
+    spread_.assign(static_cast<std::size_t>(n_rays_), {});
+    for (int i = 0; i < kept.n; ++i) spread_[kept.ray[i]].add(kept.weight[i], kept.t[i] * per_voxel);
+    distortion_ = 0;
+    spread_backward_.clear();
+    for (const DistortionRay& ray : spread_) {
+        distortion_ += static_cast<double>(ray.spread);
+        spread_backward_.emplace_back(ray);
+    }
+    for (int i = kept.n; i-- > 0;)
+        slope_[i] += dl_ddistortion * spread_backward_[kept.ray[i]].add(kept.weight[i], kept.t[i] * per_voxel);
+}
+
 void RayTracer::traceBackward(const TraceScene& scene, const float* dl_dray_features, const float* dl_dtransmittance,
-                              KeptSamples& kept) {
+                              float dl_ddistortion, KeptSamples& kept) {
     if (slope_.size() < static_cast<std::size_t>(kept.n + kPadding))
         slope_.resize(static_cast<std::size_t>(kept.n + kPadding) * 3 / 2);
     simd::rowDots(kept.n, scene.bricks.channels, features_.data(), kept.ray.data(), dl_dray_features, slope_.data());
+    addDistortionSlopes(1 / static_cast<float>(scene.box_max.maxCoeff()), dl_ddistortion, kept);
     behind_.clear();
     for (int r = 0; r < n_rays_; ++r) behind_.emplace_back(transmittance_[r], dl_dtransmittance[r]);
     for (int i = kept.n; i-- > 0;) {

@@ -13,6 +13,7 @@
 
 #include "core/camera.h"
 #include "core/composite.h"
+#include "core/distortion.h"
 #include "core/simd/kernels.h"
 #include "vdb/occupancy.h"
 #include "vdb/voxel_field.h"
@@ -75,10 +76,12 @@ public:
     void trace(const TraceScene& scene, const TraceOptions& options, KeptSamples& kept);
 
     /// Gradient of the kept samples' raw densities (kept.dl_draw), given dl_dF [ray][channels] and dl_dT_end [ray]:
-    /// CompositeRayBackward with dl_dw_i = f_i . dl_dF. The gradient of features is linear and left to
-    /// leaf_scatter.h: dl_df_i = w_i dl_dF.
+    /// CompositeRayBackward with dl_dw_i = f_i . dl_dF + dl_dD dD_dw_i, where D is the ray's distortion, distances in
+    /// the box's longest side. The gradient of features is linear and left to leaf_scatter.h: dl_df_i = w_i dl_dF.
     void traceBackward(const TraceScene& scene, const float* dl_dray_features, const float* dl_dtransmittance,
-                       KeptSamples& kept);
+                       float dl_ddistortion, KeptSamples& kept);
+    /// D of the tile's rays, summed; of the last traceBackward.
+    double distortion() const { return distortion_; }
 
     /// Rays that met something, in order (all, without skip_unlit). The others show what is behind the scene.
     const std::vector<std::int32_t>& litRays() const { return lit_; }
@@ -91,6 +94,8 @@ public:
     void resetCounters() { counters_ = {}; }
 
 private:
+    void addDistortionSlopes(float per_voxel, float dl_ddistortion, const KeptSamples& kept);
+
     int n_rays_ = 0;
     std::vector<float> ox_, oy_, oz_, dx_, dy_, dz_, length_, offset_, entry_, directions_;
     std::vector<std::int32_t> next_, alive_, begin_, lit_;
@@ -99,6 +104,9 @@ private:
     std::vector<float> x_, y_, z_, t_, raw_, tau_, alpha_, decay_;
     std::vector<float> features_, slope_;
     std::vector<CompositeRayBackward> behind_;
+    std::vector<DistortionRay> spread_;
+    std::vector<DistortionRayBackward> spread_backward_;
+    double distortion_ = 0;
     TraceCounters counters_;
 };
 

@@ -68,7 +68,8 @@ TEST_CASE("gradients of density and features agree with central differences thro
     std::vector<TileGradients> tiles(1);
     tracer.trace(scene, exactOptions(), tiles[0].kept);
     tiles[0].dl_dray_features = loss.dl_dray_features;
-    tracer.traceBackward(scene, loss.dl_dray_features.data(), loss.dl_dtransmittance.data(), tiles[0].kept);
+    tracer.traceBackward(scene, loss.dl_dray_features.data(), loss.dl_dtransmittance.data(), /*dl_ddistortion=*/0,
+                         tiles[0].kept);
     tiles[0].bin(field.topology());
     std::vector<float> dl_ddensity(field.density().size()), dl_dfeatures(field.features().size());
     LeafScatter scatter;
