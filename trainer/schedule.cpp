@@ -3,22 +3,29 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "core/error.h"
 
 namespace nerfvdb {
 
-std::vector<Stage> defaultStages(int n_levels) {
+std::vector<Stage> defaultStages(int n_levels, double rays) {
     // Many small batches while space is being carved, large ones once there is detail to learn: at 64 voxels a
     // large batch prunes nothing.
     constexpr int kBatch[kMaxLevels] = {512, 1024, 4096, 8192};
     constexpr double kEnd[kMaxLevels] = {0.02, 0.06, 0.35, 1.0};  // of the time, when there are all levels
+    // However short the training, fog is carved away while rays are cheap, or it is learned, voxel by fine voxel.
+    constexpr double kCarvingRays[kMaxLevels] = {0.4e6, 1.5e6, 0, 0};
+    constexpr double kMostCarving[kMaxLevels] = {0.1, 0.3, 0, 0};  // of the time
     if (n_levels < 1 || n_levels > kMaxLevels) throw UsageError("schedule: levels must be 1 to 4");
     std::vector<Stage> stages;
     double begin = 0;
     for (int level = 0; level < n_levels; ++level) {
         const bool is_finest = level + 1 == n_levels;
-        const double end = is_finest ? 1.0 : kEnd[level];
+        const double carving = kCarvingRays[level] * relativeRayCost(level) / (rays * relativeRayCost(n_levels - 1));
+        const double share = std::max(kEnd[level] - (level > 0 ? kEnd[level - 1] : 0.0),
+                                      std::min(carving, kMostCarving[level]));
+        const double end = is_finest ? 1.0 : begin + share;
         const int n_parts = is_finest ? 2 : 1;
         for (int part = 0; part < n_parts; ++part)
             stages.push_back({level, kBatch[level], (end - begin) / n_parts, 0});
@@ -54,12 +61,28 @@ int levelsForRays(double rays, int max_levels) {
 
 std::vector<Stage> stagesForSteps(std::int64_t total, int max_levels) {
     for (int levels = max_levels;; --levels) {
-        std::vector<Stage> stages = defaultStages(levels);
+        std::vector<Stage> stages = defaultStages(levels, std::numeric_limits<double>::infinity());
         planSteps(stages, total);
-        double rays = 0;
-        for (const Stage& stage : stages) rays += static_cast<double>(stage.steps) * stage.batch;
-        if (levelsForRays(rays, levels) == levels) return stages;
+        stages = defaultStages(levels, raysOf(stages));
+        planSteps(stages, total);
+        shareBySteps(stages);
+        if (levelsForRays(raysOf(stages), levels) == levels) return stages;
     }
+}
+
+void shareBySteps(std::vector<Stage>& stages) {
+    double total = 0;
+    for (Stage& stage : stages) {
+        stage.share = static_cast<double>(stage.steps) * stage.batch * relativeRayCost(stage.level);
+        total += stage.share;
+    }
+    for (Stage& stage : stages) stage.share /= total;
+}
+
+double raysOf(const std::vector<Stage>& stages) {
+    double rays = 0;
+    for (const Stage& stage : stages) rays += static_cast<double>(stage.steps) * stage.batch;
+    return rays;
 }
 
 void planTime(std::vector<Stage>& stages, std::size_t first, std::int64_t done, double step_seconds,

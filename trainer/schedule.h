@@ -20,9 +20,9 @@ struct Stage {
 inline constexpr int kCoarsestResolution = 64;  // voxels along the longest side at level 0
 inline constexpr int kMaxLevels = 4;            // 64 to 512
 
-/// Stages for 1 to kMaxLevels levels, coarse to fine; the finest level has two (so that its second half can be
-/// planned from the cost of its first).
-std::vector<Stage> defaultStages(int n_levels);
+/// Stages for 1 to kMaxLevels levels, coarse to fine, for a training of about `rays` rays; the finest level has two
+/// (so that its second half can be planned from the cost of its first).
+std::vector<Stage> defaultStages(int n_levels, double rays);
 
 /// How many levels to use: no more than `max_levels`, and fewer when so few rays will be drawn (per training run)
 /// that fine voxels would hardly be looked at. Measured: 512 voxels pay from about 20 million rays on.
@@ -41,6 +41,12 @@ void planTime(std::vector<Stage>& stages, std::size_t first, std::int64_t done, 
 
 /// Relative cost of a ray at a level, 1 at level 0; measured on several scenes.
 double relativeRayCost(int level);
+
+/// Sets the shares to what the steps cost of the whole: stages whose steps were chosen by hand.
+void shareBySteps(std::vector<Stage>& stages);
+
+/// Rays that all stages draw.
+double raysOf(const std::vector<Stage>& stages);
 
 /// "120,300,900,2400,2400"
 std::string scheduleText(const std::vector<Stage>& stages);

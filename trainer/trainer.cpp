@@ -212,8 +212,9 @@ void Training::planFromOptions() {
         if (steps.size() > kMaxLevels + 1)
             throw UsageError("--steps", std::to_string(steps.size()) + " stages",
                              "2 to " + std::to_string(kMaxLevels + 1), "give one number for a default plan");
-        place_.stages = defaultStages(static_cast<int>(steps.size()) - 1);
+        place_.stages = defaultStages(static_cast<int>(steps.size()) - 1, /*rays=*/1);
         for (std::size_t s = 0; s < steps.size(); ++s) place_.stages[s].steps = steps[s];
+        shareBySteps(place_.stages);
     } else if (steps.size() == 1 || !options_.time_s) {
         place_.stages =
             stagesForSteps(steps.empty() ? presetSteps(options_.preset) : steps.front(), max_levels_);
@@ -245,7 +246,7 @@ void Training::replanForTime() {
         const double ray_seconds = step_seconds_ / stage().batch;
         const double rays = left / (ray_seconds * relativeRayCost(2));
         const std::int64_t done = stage().steps;
-        place_.stages = defaultStages(levelsForRays(rays, max_levels_));
+        place_.stages = defaultStages(levelsForRays(rays, max_levels_), rays);
         stage().steps = done;
     }
     planTime(place_.stages, place_.stage, place_.step_in_stage, step_seconds_, left);

@@ -21,26 +21,28 @@ double stepCost(const Stage& stage) { return stage.batch * relativeRayCost(stage
 }  // namespace
 
 TEST_CASE("stages go from coarse to fine, share all of the time, and end with two of the finest level") {
-    for (int levels = 1; levels <= kMaxLevels; ++levels) {
-        const std::vector<Stage> stages = defaultStages(levels);
-        REQUIRE(stages.size() == static_cast<std::size_t>(levels + 1));
-        double shares = 0;
-        for (std::size_t s = 0; s < stages.size(); ++s) {
-            CHECK(stages[s].level == std::min(static_cast<int>(s), levels - 1));
-            CHECK(stages[s].share > 0);
-            shares += stages[s].share;
+    for (int levels = 1; levels <= kMaxLevels; ++levels)
+        for (const double rays : {1.0, 1e6, 1e8}) {
+            CAPTURE(levels, rays);
+            const std::vector<Stage> stages = defaultStages(levels, rays);
+            REQUIRE(stages.size() == static_cast<std::size_t>(levels + 1));
+            double shares = 0;
+            for (std::size_t s = 0; s < stages.size(); ++s) {
+                CHECK(stages[s].level == std::min(static_cast<int>(s), levels - 1));
+                CHECK(stages[s].share > 0);
+                shares += stages[s].share;
+            }
+            CHECK(shares == Approx(1));
         }
-        CHECK(shares == Approx(1));
-    }
-    CHECK_THROWS_AS(defaultStages(0), UsageError);
-    CHECK_THROWS_AS(defaultStages(kMaxLevels + 1), UsageError);
+    CHECK_THROWS_AS(defaultStages(0, 1e6), UsageError);
+    CHECK_THROWS_AS(defaultStages(kMaxLevels + 1, 1e6), UsageError);
 }
 
 TEST_CASE("planned steps sum to the total, in proportion to share over cost") {
     for (int levels = 1; levels <= kMaxLevels; ++levels)
         for (const std::int64_t total : {1, 2, 7, 100, 4500, 110000}) {
             CAPTURE(levels, total);
-            std::vector<Stage> stages = defaultStages(levels);
+            std::vector<Stage> stages = defaultStages(levels, 1e7);
             planSteps(stages, total);
             CHECK(totalSteps(stages) == total);
             double weights = 0;
@@ -51,6 +53,32 @@ TEST_CASE("planned steps sum to the total, in proportion to share over cost") {
                 CHECK(std::abs(stage.steps - total * stage.share / stepCost(stage) / weights) <= 1.0);
             }
         }
+}
+
+TEST_CASE("short trainings carve longer: enough rays at coarse voxels, but never most of the time") {
+    const auto coarseRays = [](std::int64_t total) {
+        const std::vector<Stage> stages = stagesForSteps(total, kMaxLevels);
+        REQUIRE(stages.back().level >= 2);
+        CHECK(stages[0].share + stages[1].share < 0.41);
+        return static_cast<double>(stages[0].steps * stages[0].batch + stages[1].steps * stages[1].batch);
+    };
+    for (const std::int64_t total : {4500, 10000, 100000}) {
+        CAPTURE(total);
+        CHECK(coarseRays(total) > 0.8 * (0.4e6 + 1.5e6));  // asked for by the plan before this one, of more rays
+    }
+    const std::vector<Stage> a_long_one = stagesForSteps(100000, kMaxLevels);
+    CHECK(a_long_one[0].share == Approx(0.02).epsilon(0.01));
+    CHECK(a_long_one[1].share == Approx(0.04).epsilon(0.01));
+}
+
+TEST_CASE("the steps of a plan, given by hand, are the same plan") {
+    for (const std::int64_t total : {40, 900, 4500, 18000}) {
+        const std::vector<Stage> planned = stagesForSteps(total, kMaxLevels);
+        std::vector<Stage> by_hand = defaultStages(planned.back().level + 1, 1);
+        for (std::size_t s = 0; s < planned.size(); ++s) by_hand[s].steps = planned[s].steps;
+        shareBySteps(by_hand);
+        for (std::size_t s = 0; s < planned.size(); ++s) CHECK(by_hand[s].share == planned[s].share);
+    }
 }
 
 TEST_CASE("more rays never mean fewer levels, and a plan has the levels that its own rays deserve") {
@@ -66,9 +94,7 @@ TEST_CASE("more rays never mean fewer levels, and a plan has the levels that its
         for (int most = 1; most <= kMaxLevels; ++most) {
             const std::vector<Stage> stages = stagesForSteps(total, most);
             CHECK(totalSteps(stages) == total);
-            double rays = 0;
-            for (const Stage& stage : stages) rays += static_cast<double>(stage.steps) * stage.batch;
-            CHECK(levelsForRays(rays, stages.back().level + 1) == stages.back().level + 1);
+            CHECK(levelsForRays(raysOf(stages), stages.back().level + 1) == stages.back().level + 1);
             CHECK(stages.back().level < most);
         }
 }
@@ -85,7 +111,7 @@ TEST_CASE("no level is left before a step has looked at it: what no ray has seen
 
 TEST_CASE("steps planned for a time take that time by the cost model") {
     for (const std::size_t first : {0, 2}) {
-        std::vector<Stage> stages = defaultStages(kMaxLevels);
+        std::vector<Stage> stages = defaultStages(kMaxLevels, 1e8);
         for (Stage& stage : stages) stage.steps = 10;
         const double step_seconds = 0.01, seconds = 200;
         planTime(stages, first, 5, step_seconds, seconds);
@@ -99,7 +125,7 @@ TEST_CASE("steps planned for a time take that time by the cost model") {
 }
 
 TEST_CASE("without time left each stage still gets a step, after those that are done") {
-    std::vector<Stage> stages = defaultStages(3);
+    std::vector<Stage> stages = defaultStages(3, 1e7);
     planTime(stages, 1, 40, 0.01, -3);
     CHECK(stages[1].steps == 41);
     CHECK(stages[2].steps == 1);
@@ -121,7 +147,7 @@ TEST_CASE("progress runs from 0 to 1 without a step back or a leap") {
 }
 
 TEST_CASE("a schedule's text names the steps of each stage") {
-    std::vector<Stage> stages = defaultStages(2);
+    std::vector<Stage> stages = defaultStages(2, 1e7);
     stages[0].steps = 120, stages[1].steps = 300, stages[2].steps = 9000000000;
     CHECK(scheduleText(stages) == "120,300,9000000000");
 }
