@@ -65,9 +65,9 @@ int usefulLevels(const Dataset& dataset, const Box& box, double coarsest_voxel) 
 /// Steps of a preset: about one, five and thirty minutes on two cores for a scene like a small object.
 std::int64_t presetSteps(Preset preset) {
     switch (preset) {
-        case Preset::fast: return 4500;
-        case Preset::standard: return 18000;
-        case Preset::best: return 110000;
+        case Preset::fast: return 5500;
+        case Preset::standard: return 25000;
+        case Preset::best: return 150000;
     }
     return 0;
 }
