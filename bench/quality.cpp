@@ -24,7 +24,7 @@ const char* presetName(Preset preset) {
     return "";
 }
 
-/// Passes everything on, and asks training to stop once the clock has reached a moment; then the clock stands
+/// Passes progress and warnings on, and asks training to stop once the clock has reached a moment; then the clock stands
 /// still, because what follows (checkpoint, pruning, scoring) is no training.
 class LookReport : public Report {
 public:
@@ -34,6 +34,7 @@ public:
         watch_.start();  // a resumed run has read its checkpoint by now
         outer_.begin(stage, total);
     }
+    void replan(std::int64_t total) override { outer_.replan(total); }
     void update(std::int64_t done, const std::string& note) override { outer_.update(done, note); }
     void end() override { outer_.end(); }
     void warn(const std::string& line) override { outer_.warn(line); }

@@ -12,7 +12,7 @@
 #include <cstddef>
 #include <memory>
 
-#ifdef __SANITIZE_THREAD__
+#ifdef __SANITIZE_THREAD__  // of GCC
 #include <sanitizer/tsan_interface.h>
 #endif
 

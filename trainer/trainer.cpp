@@ -245,9 +245,7 @@ void Training::replanForTime() {
     if (place_.stage == 0) {
         const double ray_seconds = step_seconds_ / stage().batch;
         const double rays = left / (ray_seconds * relativeRayCost(2));
-        const std::int64_t done = stage().steps;
         place_.stages = defaultStages(levelsForRays(rays, max_levels_), rays);
-        stage().steps = done;
     }
     planTime(place_.stages, place_.stage, place_.step_in_stage, step_seconds_, left);
     report_.replan(totalSteps());

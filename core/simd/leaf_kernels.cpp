@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// In leaves: gathering gradients, and the optimiser, in portable vectors (Highway), compiled once per instruction set and dispatched at run time.
-// kernels_reference.cpp says what each does; here is only how it is done quickly.
+// In leaves: gathering gradients, and the optimiser, in portable vectors (Highway), compiled once per instruction
+// set and dispatched at run time. kernels_reference.cpp says what each does; here is only how it is done quickly.
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "core/simd/leaf_kernels.cpp"
 #include <hwy/foreach_target.h>
