@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Layout of model.vdb, version 1.
 //
-// One grid, for everyone: "density", float, fog volume, 1 / world unit, active exactly where the field has voxels
-// (capped where a voxel is opaque; the model's own densities are among the learned values).
+// One grid, for everyone: "density", float, fog volume, 1 / world unit, in voxels of twice the field's size, each the
+// mean of eight (capped where a voxel is opaque). It is a preview: at full size it would be as large as all that was
+// learned, and nothing here reads it; the model's own densities are among the learned values.
 // Everything else is metadata of the file. Facts that people may want to read are plain numbers and strings:
 //   nerfvdb_format          int32    1
 //   nerfvdb_dims            vec3i    voxels per axis
@@ -47,30 +48,54 @@ static_assert(std::endian::native == std::endian::little, "weights are written a
 
 // ---- Saving ----
 
-/// Sigma of every active voxel, as it will be after loading, capped where opaque. Half precision where that suffices, else float.
-openvdb::FloatGrid::Ptr densityGrid(const VoxelField& field, int step_exponent) {
-    using Leaf = openvdb::FloatTree::LeafNodeType;
-    const Topology& topology = field.topology();
-    std::vector<Leaf*> leaves(topology.leafCount());
-    std::vector<float> largest(topology.leafCount(), 0.0f);
-    parallelFor(topology.leafCount(), [&](std::size_t i) {
-        leaves[i] = new Leaf(leafOrigin(topology.leafCoords()[i]), 0.0f);
-        forEachBit(topology.voxels()[i], [&](int offset) {
-            const float raw = keptValue(field, i * kLeafVoxels + offset, 0);
-            const float sigma = volumeSigma(valueOf(codeOf(raw, step_exponent), step_exponent),
-                                            field.densityScale(), field.frame().voxel_size);
-            leaves[i]->setValueOn(offset, sigma);
-            largest[i] = std::max(largest[i], sigma);
+constexpr int kPreviewScale = 2;  // edge of a preview's voxel, field's voxels
+
+/// A leaf of the preview from the up to eight leaves of the field that it covers: mean sigma as it will be after
+/// loading, capped where opaque; active where any of the eight voxels is.
+void fillPreview(const VoxelField& field, int step_exponent, const Vec3i& coord,
+                 openvdb::FloatTree::LeafNodeType& preview) {
+    constexpr float kShare = 1.0f / (kPreviewScale * kPreviewScale * kPreviewScale);
+    const double voxel_size = field.frame().voxel_size;
+    for (int child = 0; child < 8; ++child) {
+        const Vec3i octant(child >> 2, child >> 1 & 1, child & 1);
+        const std::int32_t leaf = field.topology().findLeaf(coord * kPreviewScale + octant);
+        if (leaf < 0) continue;
+        forEachBit(field.topology().voxels()[leaf], [&](int offset) {
+            const float raw = keptValue(field, leaf * std::size_t{kLeafVoxels} + offset, 0);
+            const float sigma = volumeSigma(valueOf(codeOf(raw, step_exponent), step_exponent), field.densityScale(),
+                                            voxel_size);
+            const Vec3i voxel(offset >> 6, offset >> 3 & 7, offset & 7);
+            const Vec3i at = (octant * kLeafDim + voxel) / kPreviewScale;
+            const int to = brickOffset(at.x(), at.y(), at.z());
+            preview.setValueOn(to, preview.getValue(to) + sigma * kShare);
         });
-    });
+    }
+    const auto opaque = volumeSigma(kMaxRaw, field.densityScale(), voxel_size * kPreviewScale);
+    for (auto value = preview.beginValueOn(); value; ++value) value.setValue(std::min(*value, opaque));
+}
+
+/// Density for other programs. Half precision where that suffices, else float.
+openvdb::FloatGrid::Ptr previewGrid(const VoxelField& field, int step_exponent) {
+    const GridFrame& fine = field.frame();
+    const GridFrame frame{fine.origin + Vec3d::Constant(0.5 * (kPreviewScale - 1) * fine.voxel_size),
+                          fine.voxel_size * kPreviewScale};
     auto grid = openvdb::FloatGrid::create(0.0f);
-    for (Leaf* leaf : leaves) grid->tree().addLeaf(leaf);
+    std::vector<std::pair<Vec3i, openvdb::FloatTree::LeafNodeType*>> leaves;
+    for (const Vec3i& coord : field.topology().leafCoords()) {
+        const Vec3i to = coord / kPreviewScale;
+        if (!grid->tree().probeLeaf(leafOrigin(to))) leaves.push_back({to, grid->tree().touchLeaf(leafOrigin(to))});
+    }
+    std::vector<float> largest(leaves.size(), 0.0f);
+    parallelFor(leaves.size(), [&](std::size_t i) {
+        fillPreview(field, step_exponent, leaves[i].first, *leaves[i].second);
+        for (auto value = leaves[i].second->cbeginValueOn(); value; ++value) largest[i] = std::max(largest[i], *value);
+    });
 
     grid->setName("density");
     grid->setGridClass(openvdb::GRID_FOG_VOLUME);
-    grid->setTransform(gridTransform(field.frame()));
+    grid->setTransform(gridTransform(frame));
     const float top = largest.empty() ? 0.0f : *std::max_element(largest.begin(), largest.end());
-    grid->setSaveFloatAsHalf(halfSuffices(top, field.frame().voxel_size));
+    grid->setSaveFloatAsHalf(halfSuffices(top, frame.voxel_size));
     return grid;
 }
 
@@ -247,7 +272,7 @@ void saveModel(const Model& model, const std::filesystem::path& path) {
     insertBytes(facts, "nerfvdb_values", encodeValues(field, steps));
     insertBytes(facts, "nerfvdb_decoder", {reinterpret_cast<const char*>(weights.data()), weights.size_bytes()});
     openvdb::initialize();
-    writeVdb(path, {densityGrid(field, steps[0])}, facts);
+    writeVdb(path, {previewGrid(field, steps[0])}, facts);
 }
 
 Model loadModel(const std::filesystem::path& path) {

@@ -29,8 +29,8 @@ inline float keptValue(const VoxelField& field, std::size_t voxel, int channel) 
     return std::isfinite(raw) ? std::clamp(raw, kEmptyRaw, kMaxRaw) : raw;
 }
 
-/// The steps to which a model's values can be rounded without a visible change: density to 2^-10 of its exponent
-/// (0.05 % of sigma), features by how strongly the decoder reacts to each channel. Values that are multiples of
+/// The steps to which a model's values can be rounded without a visible change: density by how much the light that a
+/// voxel stops may change, features by how strongly the decoder reacts to each channel. Values that are multiples of
 /// such a step already keep theirs, so that rounded models are not rounded again.
 /// Throws NumericError when an active voxel holds NaN or infinity.
 StepExponents chooseSteps(const Model& model);
