@@ -5,6 +5,7 @@
 #include <cmath>
 #include <functional>
 
+#include "bench/gradient_order.h"
 #include "bench/repeat.h"
 #include "bench/result_plot.h"
 #include "bench/training_probe.h"
@@ -25,6 +26,29 @@ std::vector<int> threadCounts(int most) {
     for (int n = 1; n < most; n *= 2) counts.push_back(n);
     counts.push_back(most);
     return counts;
+}
+
+constexpr const char* kOrder = "gradients to voxels, ";
+
+/// Training's way to sum gradients beside the quickest that does not care about order, one thread; and what the
+/// difference is of a step of as many rays.
+void addGradientOrder(const Subject& subject, const ScalingOptions& options, Report& report, BenchResult& result) {
+    const int batch = options.batches.back();
+    const std::string rays = std::to_string(batch) + " rays";
+    const GradientOrder order = timeGradientOrder(subject.model, subject.train, batch, options.repeats, report);
+    const auto add = [&](const std::string& label, const Timing& timing) {
+        BenchRow row{kOrder + rays, label, {{1}, timing.wall_s, timing.cpu_s, {}, {}}};
+        for (const double seconds : timing.wall_s) row.cells[3].push_back(batch / seconds);
+        result.rows.push_back(std::move(row));
+    };
+    add("by leaf, in the order of rays", order.by_leaf);
+    add("as they come", order.as_they_come);
+    for (const BenchRow& row : result.rows) {
+        if (row.series != "training, " + rays || row.label != "1 thread") continue;
+        const double saved = summarize(order.by_leaf.wall_s).median - summarize(order.as_they_come.wall_s).median;
+        result.figures.emplace_back("what the order of gradients costs, share of a step of " + rays,
+                                    saved / result.median(row, "seconds"));
+    }
 }
 
 /// Work of one series, the same whatever the number of threads.
@@ -117,6 +141,7 @@ BenchResult benchScaling(const Subject& subject, const ScalingOptions& options, 
         result.figures.emplace_back(kShare + works[w].series, share);
         result.figures.emplace_back(kPrediction + works[w].series, amdahlSpeedup(share, kPredicted));
     }
+    addGradientOrder(subject, options, report, result);
     const StepReport step = probe.step(options.batches.back());
     result.figures.emplace_back(
         "share of training rays that meet something",

@@ -20,7 +20,8 @@ struct ScalingOptions {
 
 /// A series for each batch of training ("training, 4096 rays") and each size of picture ("rendering, 400x400"),
 /// a row for each number of threads up to those allowed. Columns: threads, seconds of a step or frame,
-/// cpu_seconds, rays a second, speedup over one thread. Figures: for each series the serial share by Amdahl's
+/// cpu_seconds, rays a second, speedup over one thread; and what it costs that models do not depend on the number of
+/// threads (gradient_order.h). Figures: for each series the serial share by Amdahl's
 /// law and the speed-up on 16 threads that follows from it, and for training the share of useful rays.
 BenchResult benchScaling(const Subject& subject, const ScalingOptions& options, Report& report);
 

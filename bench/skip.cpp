@@ -7,11 +7,13 @@
 
 #include "bench/repeat.h"
 #include "bench/result_plot.h"
+#include "bench/stopwatch.h"
 #include "bench/training_probe.h"
 #include "bench/unskipped.h"
 #include "core/error.h"
 #include "core/metrics.h"
 #include "trainer/evaluate.h"
+#include "trainer/trainer.h"
 #include "vdb/renderer.h"
 
 namespace nerfvdb {
@@ -23,6 +25,7 @@ constexpr const char* kSpace = "empty leaves and voxels";
 constexpr const char* kBehind = "behind surfaces";
 constexpr const char* kWeights = "negligible weights";
 constexpr const char* kRays = "rays that meet nothing";
+constexpr const char* kUnseen = "voxels that no view sees";
 constexpr const char* kEverything = "all of these";
 
 TraceOptions withoutStop(TraceOptions trace) {
@@ -166,6 +169,36 @@ void benchSteps(const Subject& subject, const Unskipped& unskipped, const SkipOp
     }
 }
 
+/// Trainings of one schedule with and without a kind of skipping, and how good their models are.
+void benchTrainings(const Subject& subject, const SkipOptions& options, Report& report, BenchResult& result) {
+    struct Learned {
+        Timing timing;
+        Evaluation judged;
+        std::size_t voxels = 0;
+    };
+    const auto learn = [&](bool keep_unseen) {
+        TrainOptions training;
+        training.steps = {options.train_steps};
+        training.keep_unseen = keep_unseen;
+        Stopwatch watch;
+        watch.start();
+        const TrainResult learned = train(subject.train, training, report, {});
+        if (learned.interrupted) throw Interrupted("stopped before all was measured, as asked");
+        watch.pause();
+        return Learned{{{watch.wallSeconds()}, {watch.cpuSeconds()}},
+                       evaluate(learned.model, subject.test, {}, report),
+                       learned.active_voxels};
+    };
+    const Learned with = learn(false), without = learn(true);
+    BenchRow row = rowOf("whole training", kUnseen, with.timing, without.timing, 1, 1, with.judged.counters,
+                         without.judged.counters);
+    row.cells[7] = {with.judged.psnr};
+    row.cells[8] = {without.judged.psnr};
+    result.rows.push_back(std::move(row));
+    result.figures.emplace_back("active voxels, without those that no view sees", static_cast<double>(with.voxels));
+    result.figures.emplace_back("active voxels, with them", static_cast<double>(without.voxels));
+}
+
 }  // namespace
 
 BenchResult benchSkip(const Subject& subject, const SkipOptions& options, Report& report) {
@@ -187,8 +220,11 @@ BenchResult benchSkip(const Subject& subject, const SkipOptions& options, Report
     const Unskipped unskipped(subject.model);
     benchFrames(subject, unskipped, options, report, result);
     benchSteps(subject, unskipped, options, report, result);
+    benchTrainings(subject, options, report, result);
     result.notes.push_back("with: everything skipped, seconds of a frame or of a step of " +
                            std::to_string(options.batch) + " rays; without: all but this kind");
+    result.notes.push_back("a whole training: " + std::to_string(options.train_steps) +
+                           " steps, timed once; samples and PSNR are those of its model's held-out views");
     result.notes.push_back("training steps repeat the same rays with all rates zero, on the finished model");
     return result;
 }

@@ -16,7 +16,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "checkpoints are little-endian");
 
-constexpr std::string_view kHead = "nerfvdb-checkpoint 2\n";
+constexpr std::string_view kHead = "nerfvdb-checkpoint 3\n";
 constexpr std::size_t kHashDigits = 32;
 
 /// Visits fields by appending them to a string.
@@ -136,7 +136,7 @@ struct GridFields {
     Vec3i dims;
     Vec3d origin;
     double voxel_size, density_scale;
-    int channels;
+    int channels, decoder_width;
     std::vector<Vec3i> leaves;
     std::vector<LeafMask> cells;
 };
@@ -153,6 +153,7 @@ void visitGrid(Visitor& visit, GridFields& grid) {
     visit.value(grid.voxel_size);
     visit.value(grid.density_scale);
     visit.value(grid.channels);
+    visit.value(grid.decoder_width);
     std::vector<std::array<std::int32_t, 3>> leaves;
     for (const Vec3i& leaf : grid.leaves) leaves.push_back({leaf.x(), leaf.y(), leaf.z()});
     visit.values(leaves);
@@ -173,6 +174,7 @@ void visitLearner(Visitor& visit, TrainState& state, std::vector<float>& network
     visit.values(state.seen);
     visitVector(visit, state.background);
     visit.value(state.random_background);
+    visit.value(state.distortion);
 }
 
 }  // namespace
@@ -187,7 +189,7 @@ void saveCheckpoint(const std::filesystem::path& path, const TrainState& state, 
     TrainPlace place_copy = place;
     visitPlace(writer, place_copy);
     GridFields grid{topology.dims(), state.field.frame().origin, state.field.frame().voxel_size,
-                    state.field.densityScale(), channels,
+                    state.field.densityScale(), channels, state.decoder.width(),
                     {topology.leafCoords().begin(), topology.leafCoords().end()},
                     {topology.cells().begin(), topology.cells().end()}};
     visitGrid(writer, grid);
@@ -214,7 +216,7 @@ void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainP
     if (!bytes.starts_with(kHead.substr(0, kHead.size() - 2)))
         throw DataError(path.string(), "another kind of file", "a nerfvdb checkpoint", "train without --resume");
     if (!bytes.starts_with(kHead))
-        throw DataError(path.string(), "a checkpoint of another version", "version 2", "train without --resume");
+        throw DataError(path.string(), "a checkpoint of another version", "version 3", "train without --resume");
     const std::size_t begin = kHead.size() + kHashDigits + 1;
     if (bytes.size() < begin ||
         contentHash(std::as_bytes(std::span(bytes.substr(begin)))) != bytes.substr(kHead.size(), kHashDigits))
@@ -232,7 +234,7 @@ void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainP
     frame.origin = grid.origin;
     frame.voxel_size = grid.voxel_size;
     state.field = VoxelField(Topology(grid.dims, leaves), frame, grid.channels, grid.density_scale);
-    state.decoder = Decoder(grid.channels, place.seed);
+    state.decoder = Decoder(grid.channels, place.seed, grid.decoder_width);
     std::vector<float> network;
     visitLearner(reader, state, network);
     const Topology& topology = state.field.topology();

@@ -17,7 +17,6 @@
 namespace nerfvdb {
 namespace {
 
-constexpr int kChannels = 8;
 constexpr int kWarmUpSteps = 20;            // rates rise linearly at the very start
 constexpr double kUnitsPerBox = 260;        // density is learned per 1/260 of the box's longest side ...
 constexpr float kInitialRaw = -4.19f;       // ... and starts at alpha 0.03 over two such units
@@ -70,6 +69,16 @@ std::int64_t presetSteps(Preset preset) {
         case Preset::best: return 150000;
     }
     return 0;
+}
+
+/// How much a scene can hold. More features and a wider network gain half a decibel where there is time for them, and
+/// cost twice the time a ray and 1.7 times the memory.
+struct Capacity {
+    int channels, decoder_width;
+};
+
+Capacity capacityOf(Preset preset) {
+    return preset == Preset::best ? Capacity{16, 2 * kDecoderWidth} : Capacity{8, kDecoderWidth};
 }
 
 /// Training from start to finish; each function is one move of the story.
@@ -137,13 +146,14 @@ void Training::start() {
         throw DataError(dataset_.root.string(), "no point of the scene's box in view of two cameras",
                         "cameras that look at a common scene", "check the poses, or give --bounds");
 
+    const Capacity capacity = capacityOf(options_.preset);
+    state_.decoder = Decoder(capacity.channels, options_.seed, capacity.decoder_width);
     if (options_.max_memory_bytes && memoryFor(topology) > *options_.max_memory_bytes)
         throw UsageError("--max-memory", std::to_string(*options_.max_memory_bytes >> 20) + " MiB",
                          "at least " + std::to_string((memoryFor(topology) >> 20) + 1) +
                              " MiB, for the photographs and the coarsest voxels",
                          "allow more, or use fewer or smaller photographs");
-    state_.decoder = Decoder(kChannels, options_.seed);
-    state_.field = VoxelField(std::move(topology), grid.frame, kChannels, kUnitsPerBox / box.size().maxCoeff());
+    state_.field = VoxelField(std::move(topology), grid.frame, capacity.channels, kUnitsPerBox / box.size().maxCoeff());
     const Topology& cells = state_.field.topology();
     for (std::size_t leaf = 0; leaf < cells.leafCount(); ++leaf)
         for (int offset = 0; offset < kLeafVoxels; ++offset)
@@ -182,7 +192,7 @@ std::size_t Training::memoryFor(const Topology& topology) const {
     std::size_t photographs = 0;
     for (const View& view : dataset_.views) photographs += view.photo.pixels.size() * sizeof view.photo.pixels[0];
     // A density, its moment and one moment for all features stand beside the features.
-    return photographs + topology.leafCount() * kLeafVoxels * (kChannels + 3) * sizeof(float);
+    return photographs + topology.leafCount() * kLeafVoxels * (state_.decoder.channels() + 3) * sizeof(float);
 }
 
 void Training::chooseBackground() {
@@ -350,9 +360,12 @@ void Training::stepOnce() {
 
 void Training::refine() {
     updateOccupancy();
-    std::vector<LeafMask> keep = dilateCells(state_.field.topology(), state_.seen);
-    for (std::size_t leaf = 0; leaf < keep.size(); ++leaf)
-        for (int word = 0; word < kLeafWords; ++word) keep[leaf][word] &= state_.occupancy.cells[leaf][word];
+    std::vector<LeafMask> keep = state_.occupancy.cells;
+    if (!options_.keep_unseen) {
+        const std::vector<LeafMask> seen = dilateCells(state_.field.topology(), state_.seen);
+        for (std::size_t leaf = 0; leaf < keep.size(); ++leaf)
+            for (int word = 0; word < kLeafWords; ++word) keep[leaf][word] &= seen[leaf][word];
+    }
     const Topology coarse = state_.field.topology();
     Topology fine_topology = subdivide(coarse, keep);
 

@@ -11,7 +11,6 @@
 namespace nerfvdb {
 namespace {
 
-constexpr int kHiddenWidth = 64;
 constexpr float kOutputGain = 0.1f;  // the network starts as a small correction of the base colour
 
 float sigmoid(float x) { return 1.0f / (1.0f + std::exp(-x)); }
@@ -20,10 +19,11 @@ int rowAt(const std::int32_t* rows, int i) { return rows ? rows[i] : i; }
 
 }  // namespace
 
-Decoder::Decoder(int channels, std::uint64_t seed)
-    : channels_(channels), shape_{{channels + kSphericalHarmonics, kHiddenWidth, kHiddenWidth, 3}} {
+Decoder::Decoder(int channels, std::uint64_t seed, int width)
+    : channels_(channels), shape_{{channels + kSphericalHarmonics, width, width, 3}} {
     if (channels != 4 && channels != 8 && channels != 16)
         throw UsageError("decoder: the number of feature channels must be 4, 8 or 16");
+    if (width < 1 || width > kMaxDecoderWidth) throw UsageError("decoder: its width must be 1 to 1024");
     parameters_ = initialMlpParameters(shape_, seed, kOutputGain);
 }
 

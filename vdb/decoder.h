@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // From what a ray gathered to a colour, once per ray ("deferred decoding"):
-//   rgb = sigmoid(F[0..2] + MLP(F, Y(direction)))        F = sum_i w_i f_i,  Y = spherical harmonics, degree < 4
+//   rgb = sigmoid(F[0..2] + MLP(F, Y(direction)))        F = sum_i w_i f_i / A,  Y = spherical harmonics, degree < 4
 //   C   = A rgb + (1 - A) background                      A = sum_i w_i
+// F is a mean, so that a surface has the same colour where a pixel sees only a part of it.
 // A part that can be exchanged: nothing else knows how features become colour.
 #pragma once
 
@@ -14,13 +15,17 @@
 
 namespace nerfvdb {
 
+inline constexpr int kDecoderWidth = 128;     // of the network's two hidden layers ...
+inline constexpr int kMaxDecoderWidth = 1024;  // ... and the most that is allowed
+
 class Decoder {
 public:
     Decoder() = default;
-    /// `channels` features per voxel, at least 3; the first three are the base colour before the sigmoid.
-    Decoder(int channels, std::uint64_t seed);
+    /// `channels` features per voxel: 4, 8 or 16; the first three are the base colour before the sigmoid.
+    Decoder(int channels, std::uint64_t seed, int width = kDecoderWidth);
 
     int channels() const { return channels_; }
+    int width() const { return shape_.widths[1]; }
     const MlpShape& shape() const { return shape_; }
     std::span<float> parameters() { return parameters_; }
     std::span<const float> parameters() const { return parameters_; }

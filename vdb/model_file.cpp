@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Layout of model.vdb, version 1.
+// Layout of model.vdb, version 2 (in version 1 a ray's features were a sum, not a mean, so that it cannot be read).
 //
 // One grid, for everyone: "density", float, fog volume, 1 / world unit, in voxels of twice the field's size, each the
 // mean of eight (capped where a voxel is opaque). It is a preview: at full size it would be as large as all that was
 // learned, and nothing here reads it; the model's own densities are among the learned values.
 // Everything else is metadata of the file. Facts that people may want to read are plain numbers and strings:
-//   nerfvdb_format          int32    1
+//   nerfvdb_format          int32    2
 //   nerfvdb_dims            vec3i    voxels per axis
 //   nerfvdb_origin          vec3d    world position of voxel (0, 0, 0)
 //   nerfvdb_voxel_size      double   world units
 //   nerfvdb_density_scale   double   sigma = density_scale * exp(min(raw, 15))
 //   nerfvdb_background      vec3s    sRGB values
 //   nerfvdb_channels        int32    features per voxel
-//   nerfvdb_decoder_widths  string   layer widths, "35,64,64,3"
+//   nerfvdb_decoder_width   int32    of both hidden layers
 //   nerfvdb_schedule string; nerfvdb_seed int64; nerfvdb_train_psnr double
 // Learned values are bytes of the type "nerfvdb_bytes", little-endian:
 //   nerfvdb_cells           cells of the topology (field_codec.h)
@@ -38,7 +38,7 @@
 namespace nerfvdb {
 namespace {
 
-constexpr std::int32_t kFormat = 1;
+constexpr std::int32_t kFormat = 2;
 constexpr const char* kBytesType = "nerfvdb_bytes";
 // The name that tells a model from other files; it stands near the start of every model.
 constexpr const char* kMark = "nerfvdb_cells";
@@ -106,15 +106,6 @@ void insertBytes(openvdb::MetaMap& facts, const std::string& name, const std::st
     openvdb::UnknownMetadata metadata(kBytesType);
     metadata.setValue(openvdb::UnknownMetadata::ByteVec(bytes.begin(), bytes.end()));
     facts.insertMeta(name, metadata);
-}
-
-std::string widthsText(const MlpShape& shape) {
-    std::string text;
-    for (const int width : shape.widths) {
-        if (!text.empty()) text += ',';
-        text += std::to_string(width);
-    }
-    return text;
 }
 
 bool allFinite(std::span<const float> values) {
@@ -217,11 +208,11 @@ double positive(const Facts& facts, const std::string& name) {
 }
 
 Decoder loadDecoder(const Facts& facts, int channels) {
-    Decoder decoder(channels, 0);
-    const std::string widths = facts.get<std::string>("nerfvdb_decoder_widths");
-    if (widths != widthsText(decoder.shape()))
-        throw DataError(facts.where("nerfvdb_decoder_widths"), widths, widthsText(decoder.shape()),
-                        "another version of nerfvdb made this model: use that one");
+    const std::int32_t width = facts.get<std::int32_t>("nerfvdb_decoder_width");
+    if (width < 1 || width > kMaxDecoderWidth)
+        throw DataError(facts.where("nerfvdb_decoder_width"), std::to_string(width),
+                        "1 to " + std::to_string(kMaxDecoderWidth));
+    Decoder decoder(channels, 0, width);
     const std::span<const std::uint8_t> bytes = facts.bytes("nerfvdb_decoder");
     const std::span<float> parameters = decoder.parameters();
     if (bytes.size() != parameters.size_bytes())
@@ -264,7 +255,7 @@ void saveModel(const Model& model, const std::filesystem::path& path) {
     facts.insertMeta("nerfvdb_density_scale", openvdb::DoubleMetadata(field.densityScale()));
     facts.insertMeta("nerfvdb_background", openvdb::Vec3SMetadata(openvdb::Vec3s(model.background.data())));
     facts.insertMeta("nerfvdb_channels", openvdb::Int32Metadata(field.channels()));
-    facts.insertMeta("nerfvdb_decoder_widths", openvdb::StringMetadata(widthsText(model.decoder.shape())));
+    facts.insertMeta("nerfvdb_decoder_width", openvdb::Int32Metadata(model.decoder.width()));
     facts.insertMeta("nerfvdb_schedule", openvdb::StringMetadata(model.info.schedule));
     facts.insertMeta("nerfvdb_seed", openvdb::Int64Metadata(static_cast<std::int64_t>(model.info.seed)));
     facts.insertMeta("nerfvdb_train_psnr", openvdb::DoubleMetadata(model.info.train_psnr));
@@ -285,7 +276,8 @@ Model loadModel(const std::filesystem::path& path) {
         const Facts facts(*map, path.string());
         if (const auto format = facts.get<std::int32_t>("nerfvdb_format"); format != kFormat)
             throw DataError(facts.where("nerfvdb_format"), std::to_string(format), std::to_string(kFormat),
-                            "a newer nerfvdb wrote this model: update this program");
+                            format > kFormat ? "a newer nerfvdb wrote this model: update this program"
+                                             : "an older nerfvdb wrote this model: use that one, or train anew");
         Model model;
         model.field = loadField(facts);
         model.decoder = loadDecoder(facts, model.field.channels());

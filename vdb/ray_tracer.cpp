@@ -132,6 +132,29 @@ void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, Kept
     kept.reserve(static_cast<std::size_t>(kept.n));
     simd::featuresForward(scene.bricks, kept.n, kept.arrays(), kept.ray.data(), kept.weight.data(), features_.data(),
                           ray_features_.data());
+    averageFeatures(channels, kept);
+}
+
+void RayTracer::averageFeatures(int channels, const KeptSamples& kept) {
+    // The sum over the kept samples, not 1 - T: what was dropped has opacity, but no features.
+    inverse_weight_.assign(static_cast<std::size_t>(n_rays_), 0.0f);
+    for (int i = 0; i < kept.n; ++i) inverse_weight_[kept.ray[i]] += kept.weight[i];
+    for (int r = 0; r < n_rays_; ++r) {
+        inverse_weight_[r] = inverse_weight_[r] > 0 ? 1 / inverse_weight_[r] : 0.0f;
+        float* const features = &ray_features_[static_cast<std::size_t>(r) * channels];
+        for (int c = 0; c < channels; ++c) features[c] *= inverse_weight_[r];
+    }
+}
+
+void RayTracer::addFeatureSlopes(int channels, float* dl_dray_features, const KeptSamples& kept) {
+    mean_slope_.assign(static_cast<std::size_t>(n_rays_), 0.0f);
+    for (int r = 0; r < n_rays_; ++r)
+        for (std::size_t i = static_cast<std::size_t>(r) * channels; i < static_cast<std::size_t>(r + 1) * channels; ++i) {
+            dl_dray_features[i] *= inverse_weight_[r];
+            mean_slope_[r] += dl_dray_features[i] * ray_features_[i];
+        }
+    simd::rowDots(kept.n, channels, features_.data(), kept.ray.data(), dl_dray_features, slope_.data());
+    for (int i = 0; i < kept.n; ++i) slope_[i] -= mean_slope_[kept.ray[i]];
 }
 
 void RayTracer::addDistortionSlopes(float per_voxel, float dl_ddistortion, const KeptSamples& kept) {
@@ -147,11 +170,11 @@ void RayTracer::addDistortionSlopes(float per_voxel, float dl_ddistortion, const
         slope_[i] += dl_ddistortion * spread_backward_[kept.ray[i]].add(kept.weight[i], kept.t[i] * per_voxel);
 }
 
-void RayTracer::traceBackward(const TraceScene& scene, const float* dl_dray_features, const float* dl_dtransmittance,
+void RayTracer::traceBackward(const TraceScene& scene, float* dl_dray_features, const float* dl_dtransmittance,
                               float dl_ddistortion, KeptSamples& kept) {
     if (slope_.size() < static_cast<std::size_t>(kept.n + kPadding))
         slope_.resize(static_cast<std::size_t>(kept.n + kPadding) * 3 / 2);
-    simd::rowDots(kept.n, scene.bricks.channels, features_.data(), kept.ray.data(), dl_dray_features, slope_.data());
+    addFeatureSlopes(scene.bricks.channels, dl_dray_features, kept);
     addDistortionSlopes(1 / static_cast<float>(scene.box_max.maxCoeff()), dl_ddistortion, kept);
     behind_.clear();
     for (int r = 0; r < n_rays_; ++r) behind_.emplace_back(transmittance_[r], dl_dtransmittance[r]);

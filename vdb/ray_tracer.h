@@ -3,7 +3,7 @@
 // opaque, then gather the features of the samples that matter. And all of it backwards.
 //
 //   tau_i = sigma_i dt,  alpha_i = 1 - exp(-tau_i),  T_i = exp(-sum_{j<i} tau_j),  w_i = T_i alpha_i
-//   F = sum_i w_i f_i,  T_end = exp(-sum_i tau_i)
+//   W = sum_i w_i,  F = sum_i w_i f_i / W,  T_end = exp(-sum_i tau_i)
 // Source: Max 1995, "Optical models for direct volume rendering"; Mildenhall et al. 2020, eq. 3.
 // Which colour F becomes, and what is behind the scene, is the decoder's and the caller's business.
 #pragma once
@@ -76,9 +76,10 @@ public:
     void trace(const TraceScene& scene, const TraceOptions& options, KeptSamples& kept);
 
     /// Gradient of the kept samples' raw densities (kept.dl_draw), given dl_dF [ray][channels] and dl_dT_end [ray]:
-    /// CompositeRayBackward with dl_dw_i = f_i . dl_dF + dl_dD dD_dw_i, where D is the ray's distortion, distances in
-    /// the box's longest side. The gradient of features is linear and left to leaf_scatter.h: dl_df_i = w_i dl_dF.
-    void traceBackward(const TraceScene& scene, const float* dl_dray_features, const float* dl_dtransmittance,
+    /// CompositeRayBackward with dl_dw_i = (f_i - F) . dl_dF / W + dl_dD dD_dw_i, where D is the ray's distortion,
+    /// distances in the box's longest side. The gradient of features is linear and left to leaf_scatter.h:
+    /// dl_df_i = w_i (dl_dF / W). For it, dl_dray_features holds dl_dF / W afterwards.
+    void traceBackward(const TraceScene& scene, float* dl_dray_features, const float* dl_dtransmittance,
                        float dl_ddistortion, KeptSamples& kept);
     /// D of the tile's rays, summed; of the last traceBackward.
     double distortion() const { return distortion_; }
@@ -86,7 +87,7 @@ public:
     /// Rays that met something, in order (all, without skip_unlit). The others show what is behind the scene.
     const std::vector<std::int32_t>& litRays() const { return lit_; }
     const float* transmittance() const { return transmittance_.data(); }  // [ray] T_end
-    float* rayFeatures() { return ray_features_.data(); }                 // [ray][channels] F
+    float* rayFeatures() { return ray_features_.data(); }                 // [ray][channels] F, 0 if nothing was kept
     const float* directions() const { return directions_.data(); }        // [ray][3] unit, world
     /// Distance from the camera to the ray's entry into the box, voxels; add KeptSamples::t. [ray]
     const float* entry() const { return entry_.data(); }
@@ -94,15 +95,17 @@ public:
     void resetCounters() { counters_ = {}; }
 
 private:
+    void averageFeatures(int channels, const KeptSamples& kept);
+    void addFeatureSlopes(int channels, float* dl_dray_features, const KeptSamples& kept);
     void addDistortionSlopes(float per_voxel, float dl_ddistortion, const KeptSamples& kept);
 
     int n_rays_ = 0;
     std::vector<float> ox_, oy_, oz_, dx_, dy_, dz_, length_, offset_, entry_, directions_;
     std::vector<std::int32_t> next_, alive_, begin_, lit_;
-    std::vector<float> transmittance_, dropped_, ray_features_;
+    std::vector<float> transmittance_, dropped_, ray_features_, inverse_weight_;
     std::vector<std::int32_t> leaf_, cell_;
     std::vector<float> x_, y_, z_, t_, raw_, tau_, alpha_, decay_;
-    std::vector<float> features_, slope_;
+    std::vector<float> features_, slope_, mean_slope_;
     std::vector<CompositeRayBackward> behind_;
     std::vector<DistortionRay> spread_;
     std::vector<DistortionRayBackward> spread_backward_;

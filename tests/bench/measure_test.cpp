@@ -98,6 +98,10 @@ TEST_CASE("bench scaling: every series at one thread has the speed-up one") {
         CHECK(result.median(row, "speedup") == 1);
         CHECK(result.median(row, "rays_per_s") > 0);
     }
+    for (const char* order : {"by leaf, in the order of rays", "as they come"})
+        CHECK(result.median(rowOf(result, "gradients to voxels, 256 rays", order), "seconds") > 0);
+    CHECK(result.figures[result.figures.size() - 2].first ==
+          "what the order of gradients costs, share of a step of 256 rays");
     const double share = result.figures.back().second;
     CHECK(share > 0.2);  // the sphere fills more than that of its pictures
     CHECK(share <= 1);
@@ -105,7 +109,7 @@ TEST_CASE("bench scaling: every series at one thread has the speed-up one") {
 
 TEST_CASE("bench skip: not skipping costs samples and leaves pictures as they were") {
     Report silent;
-    const BenchResult result = benchSkip(sphere(), {.repeats = 1, .batch = 256}, silent);
+    const BenchResult result = benchSkip(sphere(), {.repeats = 1, .batch = 256, .train_steps = 1000}, silent);
     checkWhole(result, skipPlot(result));
     const auto more = [&](const char* label, const char* kind) {
         const BenchRow& row = rowOf(result, "rendering", label);
@@ -126,6 +130,8 @@ TEST_CASE("bench skip: not skipping costs samples and leaves pictures as they we
     }
     CHECK(result.median(rowOf(result, "training", "rays that meet nothing"), "slowdown") > 0);
     CHECK(rowOf(result, "training", "empty leaves").cells[result.column("psnr_with")].empty());
+    CHECK(result.median(rowOf(result, "whole training", "voxels that no view sees"), "psnr_with") > 10);
+    CHECK(result.figures[0].second < result.figures[1].second);  // inside the sphere nothing is seen
 }
 
 TEST_CASE(

@@ -106,7 +106,7 @@ TEST_CASE("what is not a whole checkpoint of this version is refused, and says w
     CHECK_THROWS_WITH(load(""), Catch::Contains("bad.ckpt") && Catch::Contains("another kind of file"));
     CHECK_THROWS_WITH(load("P6 a picture of something else"), Catch::Contains("another kind of file"));
     std::string newer = good;
-    newer[std::string("nerfvdb-checkpoint ").size()] = '3';
+    newer[std::string("nerfvdb-checkpoint ").size()] = '9';
     CHECK_THROWS_WITH(load(newer), Catch::Contains("another version"));
     for (const std::size_t place_of_damage :
          {good.size() - 1, good.size() / 2, std::size_t{60}, std::size_t{30}}) {

@@ -62,6 +62,7 @@ bool sameBytes(std::span<const float> a, std::span<const float> b) {
 /// A state in which nothing is special: rough density, features and network of every sign.
 TrainState roughState() {
     TrainState state = freshState();
+    state.decoder = Decoder(8, 3, 64);
     test::forEachVoxel(state.field.topology(), [&](const Vec3i&, std::size_t i) {
         state.field.density()[i] = test::randomIn(-5, 0, 1, i);
         for (int c = 0; c < 8; ++c) state.field.features()[8 * i + c] = test::randomIn(-1.5f, 1.5f, 2, 8 * i + c);
@@ -80,9 +81,10 @@ struct Section {
     double tolerance;  // of it, in the largest gradient of the section
 };
 
-// Single precision leaves 2e-4 of the largest gradient, measured. What reaches the ReLUs may have their kinks between
-// the two points of a difference: up to 0.005. A path that is forgotten costs hundredths to tenths.
-constexpr double kSmooth = 0.001, kKinks = 0.01;
+// Single precision leaves 1e-3 of the largest gradient, measured. What reaches the ReLUs may have their kinks between
+// the two points of a difference: up to 0.005 (and less with the distance of the points, as kinks do, until rounding
+// takes over). A path that is forgotten costs hundredths to tenths.
+constexpr double kSmooth = 0.002, kKinks = 0.01;
 
 /// Weights and biases of each layer of the network, as core/mlp.h lays them out.
 void addNetworkSections(Decoder& decoder, std::span<const float> gradient, std::vector<Section>& sections) {
@@ -91,7 +93,7 @@ void addNetworkSections(Decoder& decoder, std::span<const float> gradient, std::
         const int n_in = decoder.shape().widths[layer], n_out = decoder.shape().widths[layer + 1];
         for (const auto& [kind, size] : {std::pair{"weights", n_in * n_out}, {"biases", n_out}}) {
             sections.push_back({kind + std::string(" of layer ") + std::to_string(layer), &decoder.parameters()[at],
-                                {gradient.begin() + at, gradient.begin() + at + size}, 5e-4f, kKinks});
+                                {gradient.begin() + at, gradient.begin() + at + size}, 1.25e-4f, kKinks});
             at += static_cast<std::size_t>(size);
         }
     }
@@ -105,10 +107,10 @@ TEST_CASE("the first 20 losses on the sphere are those that were pinned, on ever
     // optimiser, initial values) shows here and wants new numbers with a reason. Instruction sets differ in the
     // order of sums: all five of x86-64 were seen within 1e-5 of these (the digits given); 1e-4 leaves room for
     // other machines and is far below what a change of the recipe does.
-    constexpr double kPinned[20] = {0.0452077, 0.0389946, 0.0385091, 0.0414631, 0.0327993, 0.0344272,
-                                    0.0337271, 0.0317053, 0.0248363, 0.0326845, 0.02848, 0.0229618,
-                                    0.02228, 0.02279, 0.0187259, 0.0195926, 0.0222481, 0.0141376,
-                                    0.0177387, 0.0134093};
+    constexpr double kPinned[20] = {0.0452835, 0.0388387, 0.0384672, 0.0413723, 0.0327406, 0.0343486,
+                                    0.0336701, 0.030988, 0.023929, 0.0320283, 0.028479, 0.0221295,
+                                    0.0207117, 0.0218062, 0.0171693, 0.0181296, 0.0196589, 0.0122007,
+                                    0.015459, 0.01186};
     test::forEachTarget([&] {
         TrainState state = freshState();
         const std::vector<double> losses = learn(state, 20);
@@ -140,8 +142,8 @@ TEST_CASE("gradients of the whole step, from voxels and network to the loss, agr
         REQUIRE(loss() > 1);
 
         std::vector<Section> sections{
-            {"densities", state.field.density().data(), std::vector<float>(state.field.density().size()), 0.005f, kSmooth},
-            {"features", state.field.features().data(), std::vector<float>(state.field.features().size()), 0.01f, kKinks}};
+            {"densities", state.field.density().data(), std::vector<float>(state.field.density().size()), 0.00125f, kSmooth},
+            {"features", state.field.features().data(), std::vector<float>(state.field.features().size()), 0.0025f, kKinks}};
         stepper.voxelGradients(state.field, [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask&) {
             const std::size_t first = static_cast<std::size_t>(leaf) * kLeafVoxels;
             std::copy_n(gradient.density, kLeafVoxels, &sections[0].gradient[first]);

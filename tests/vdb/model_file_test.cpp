@@ -305,7 +305,7 @@ TEST_CASE("what is not a model is told apart") {
 
     // A model of a later version: intact, but not for this program.
     openvdb::MetaMap later(*in.getMetadata());
-    later.insertMeta("nerfvdb_format", openvdb::Int32Metadata(2));
+    later.insertMeta("nerfvdb_format", openvdb::Int32Metadata(3));
     writeVdb(folder / "later.vdb", {foreignGrid()}, later);
     CHECK_THAT(messageOf(folder / "later.vdb"), Contains("nerfvdb_format") && Contains("newer"));
 }
@@ -419,7 +419,7 @@ TEST_CASE("OpenVDB's Python module opens a model") {
                                "')\nassert [g.name for g in grids] == ['density']\n"
                                "assert grids[0].activeVoxelCount() == " +
                                std::to_string(listGrids(folder / "model.vdb").front().active_voxels) +
-                               "\nassert facts['nerfvdb_format'] == 1\nassert facts['nerfvdb_schedule'] == '120,300,900'\n";
+                               "\nassert facts['nerfvdb_format'] == 2\nassert facts['nerfvdb_schedule'] == '120,300,900'\n";
     writeBytes(folder / "check.py", script);
     CHECK(std::system(("/usr/bin/python3 " + (folder / "check.py").string()).c_str()) == 0);
 }

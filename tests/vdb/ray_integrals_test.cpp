@@ -36,7 +36,7 @@ VoxelField layered(int first, int end, const std::function<double(int)>& raw,
 }
 
 struct Traced {
-    double depth, feature, transmittance;  // optical depth, F[0], T_end
+    double depth, feature, transmittance;  // optical depth, W F[0], T_end
     double kept;                           // sum of the kept weights
     int n_kept;
 };
@@ -50,9 +50,9 @@ Traced traceRay(const VoxelField& field, const Ray& ray, double step, double jit
     tracer.addRay(scene, ray, options.step_voxels, static_cast<float>(jitter));
     KeptSamples kept;
     tracer.trace(scene, options, kept);
-    Traced result{-std::log(tracer.transmittance()[0]), tracer.rayFeatures()[0], tracer.transmittance()[0], 0,
-                  kept.n};
+    Traced result{-std::log(tracer.transmittance()[0]), 0, tracer.transmittance()[0], 0, kept.n};
     for (int i = 0; i < kept.n; ++i) result.kept += kept.weight[i];
+    result.feature = result.kept * tracer.rayFeatures()[0];
     return result;
 }
 

@@ -68,7 +68,7 @@ TEST_CASE("gradients of density and features agree with central differences thro
     std::vector<TileGradients> tiles(1);
     tracer.trace(scene, exactOptions(), tiles[0].kept);
     tiles[0].dl_dray_features = loss.dl_dray_features;
-    tracer.traceBackward(scene, loss.dl_dray_features.data(), loss.dl_dtransmittance.data(), /*dl_ddistortion=*/0,
+    tracer.traceBackward(scene, tiles[0].dl_dray_features.data(), loss.dl_dtransmittance.data(), /*dl_ddistortion=*/0,
                          tiles[0].kept);
     tiles[0].bin(field.topology());
     std::vector<float> dl_ddensity(field.density().size()), dl_dfeatures(field.features().size());
@@ -139,4 +139,28 @@ TEST_CASE("weights and transmittance sum to one on every ray") {
     for (int r = 0; r < 100; ++r)
         // About 100 samples a ray, each product rounded to 6e-8.
         CHECK(sum[r] + tracer.transmittance()[r] == Approx(1).margin(1e-5));
+}
+
+TEST_CASE("features along a ray are a mean: a surface has its colour however little of the light it stops") {
+    VoxelField field = test::randomField(Vec3i(24, 24, 24), kChannels, 0.5, -12.0f, 0.0f, 9);
+    for (std::size_t i = 0; i < field.features().size(); ++i) field.features()[i] = 0.25f * static_cast<float>(i % kChannels) - 0.3f;
+    const Occupancy occupancy = allCells(field);
+    const TraceScene scene(field, occupancy);
+    RayTracer tracer(100);
+    addRays(tracer, scene, field, 100);
+    KeptSamples kept;
+    for (const TraceOptions& options : {exactOptions(), TraceOptions{}}) {
+        tracer.trace(scene, options, kept);
+        std::vector<int> n_kept(100);
+        for (int i = 0; i < kept.n; ++i) ++n_kept[kept.ray[i]];
+        int n_faint = 0;
+        for (int r = 0; r < 100; ++r) {
+            n_faint += n_kept[r] > 0 && tracer.transmittance()[r] > 0.9f;
+            // Some hundred terms, each rounded to 6e-8.
+            for (int c = 0; c < kChannels; ++c)
+                CHECK(tracer.rayFeatures()[r * kChannels + c] ==
+                      Approx(n_kept[r] > 0 ? 0.25f * static_cast<float>(c) - 0.3f : 0.0f).margin(1e-5));
+        }
+        CHECK(n_faint > 5);
+    }
 }
