@@ -127,12 +127,14 @@ Command addTrain(CLI::App& program) {
                    "beside it")
         ->required()
         ->type_name("MODEL.vdb");
-    app.add_option("--preset", words->preset, "fast (a minute), default (five) or best (thirty) [default]")
+    app.add_option("--preset", words->preset,
+                   "How long, and how much the scene can hold: fast (a minute, voxels of 1/256 of the box), default "
+                   "(five, 1/512) or best (thirty, 1/512, twice the features and network) [default]")
         ->check(CLI::IsMember({"fast", "default", "best"}))
         ->type_name("NAME");
     app.add_option(
            "--time", words->time,
-           "Wall time from the start of the program to the file on disk: 90s, 5m, 1h; overrides the preset's")
+           "Wall time from the start of the program to the file on disk: 90s, 5m, 1h; instead of the preset's")
         ->type_name("DURATION");
     app.add_option("--steps", words->steps,
                    "Number of training steps in all, or of each stage (100,400,2000); overrides --time")

@@ -61,24 +61,22 @@ int usefulLevels(const Dataset& dataset, const Box& box, double coarsest_voxel) 
     return levels;
 }
 
-/// Steps of a preset: about one, five and thirty minutes on two cores for a scene like a small object.
-std::int64_t presetSteps(Preset preset) {
-    switch (preset) {
-        case Preset::fast: return 5500;
-        case Preset::standard: return 25000;
-        case Preset::best: return 150000;
-    }
-    return 0;
-}
-
-/// How much a scene can hold. More features and a wider network gain half a decibel where there is time for them, and
-/// cost twice the time a ray and 1.7 times the memory.
-struct Capacity {
+/// What a preset stands for.
+struct PresetPlan {
+    std::int64_t steps;  // about one, five and thirty minutes on two cores for a scene like a small object
+    int max_levels;
+    // How much a voxel and the network hold: what `best` has gains half a decibel where there is time for it, and
+    // costs twice the time a ray and 1.7 times the memory.
     int channels, decoder_width;
 };
 
-Capacity capacityOf(Preset preset) {
-    return preset == Preset::best ? Capacity{16, 2 * kDecoderWidth} : Capacity{8, kDecoderWidth};
+PresetPlan planOf(Preset preset) {
+    switch (preset) {
+        case Preset::fast: return {11000, 3, 8, kDecoderWidth};
+        case Preset::standard: return {25000, 4, 8, kDecoderWidth};
+        case Preset::best: return {75000, 4, 16, 2 * kDecoderWidth};
+    }
+    throw UsageError("training: an unknown preset");
 }
 
 /// Training from start to finish; each function is one move of the story.
@@ -146,14 +144,14 @@ void Training::start() {
         throw DataError(dataset_.root.string(), "no point of the scene's box in view of two cameras",
                         "cameras that look at a common scene", "check the poses, or give --bounds");
 
-    const Capacity capacity = capacityOf(options_.preset);
-    state_.decoder = Decoder(capacity.channels, options_.seed, capacity.decoder_width);
+    const PresetPlan plan = planOf(options_.preset);
+    state_.decoder = Decoder(plan.channels, options_.seed, plan.decoder_width);
     if (options_.max_memory_bytes && memoryFor(topology) > *options_.max_memory_bytes)
         throw UsageError("--max-memory", std::to_string(*options_.max_memory_bytes >> 20) + " MiB",
                          "at least " + std::to_string((memoryFor(topology) >> 20) + 1) +
                              " MiB, for the photographs and the coarsest voxels",
                          "allow more, or use fewer or smaller photographs");
-    state_.field = VoxelField(std::move(topology), grid.frame, capacity.channels, kUnitsPerBox / box.size().maxCoeff());
+    state_.field = VoxelField(std::move(topology), grid.frame, plan.channels, kUnitsPerBox / box.size().maxCoeff());
     const Topology& cells = state_.field.topology();
     for (std::size_t leaf = 0; leaf < cells.leafCount(); ++leaf)
         for (int offset = 0; offset < kLeafVoxels; ++offset)
@@ -166,7 +164,7 @@ void Training::start() {
     place_.data_hash = datasetHash(dataset_);
     place_.next_occupancy = kFirstOccupancy;
     chooseBackground();
-    max_levels_ = usefulLevels(dataset_, box, grid.frame.voxel_size);
+    max_levels_ = std::min(plan.max_levels, usefulLevels(dataset_, box, grid.frame.voxel_size));
     planFromOptions();
     checkFinestVoxel(box, grid.frame.voxel_size);
     updateOccupancy();
@@ -227,10 +225,10 @@ void Training::planFromOptions() {
         shareBySteps(place_.stages);
     } else if (steps.size() == 1 || !options_.time_s) {
         place_.stages =
-            stagesForSteps(steps.empty() ? presetSteps(options_.preset) : steps.front(), max_levels_);
+            stagesForSteps(steps.empty() ? planOf(options_.preset).steps : steps.front(), max_levels_);
     } else {
         // Until its cost is known: enough for the first stage to be measured in.
-        place_.stages = stagesForSteps(presetSteps(options_.preset), max_levels_);
+        place_.stages = stagesForSteps(planOf(options_.preset).steps, max_levels_);
         plans_time_ = true;
     }
     if (!plans_time_) report_.info("plan: " + scheduleText(place_.stages) + " steps");
