@@ -251,9 +251,9 @@ void Training::replanForTime() {
     const double reserve = kSaveSeconds + kSaveSecondsPerVoxel * voxels;
     const double left = *options_.time_s - options_.elapsed_s - clock_.seconds() - reserve;
     if (place_.stage == 0) {
-        const double ray_seconds = step_seconds_ / stage().batch;
-        const double rays = left / (ray_seconds * relativeRayCost(2));
-        place_.stages = defaultStages(levelsForRays(rays, max_levels_), rays);
+        const auto raysAt = [&](int level) { return left * stage().batch / (step_seconds_ * relativeRayCost(level)); };
+        const int levels = levelsForRays(raysAt(2), max_levels_);
+        place_.stages = defaultStages(levels, raysAt(levels - 1));
     }
     planTime(place_.stages, place_.stage, place_.step_in_stage, step_seconds_, left);
     report_.replan(totalSteps());
