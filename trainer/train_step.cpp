@@ -90,8 +90,8 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
     const int n_lit = static_cast<int>(lit.size());
     // Of other rays nothing must stay from the tile before: zero times NaN is NaN, and would name the wrong pixel.
     std::fill(worker.rgb.begin(), worker.rgb.end(), 0.0f);
-    state.decoder.forward(n_lit, tracer.rayFeatures(), tracer.directions(), worker.rgb.data(), worker.decoding,
-                          lit.data());
+    state.decoder.forward(n_lit, tracer.rayFeatures(), tracer.directions(), tracer.transmittance(), worker.rgb.data(),
+                          worker.decoding, lit.data());
 
     tile.report = {};
     tile.report.rays = static_cast<std::uint64_t>(n_rays);
@@ -121,8 +121,8 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
 
     tile.dl_dnetwork.assign(state.decoder.parameters().size(), 0.0f);
     gradients.dl_dray_features.resize(static_cast<std::size_t>(kMaxTileRays) * state.field.channels());
-    state.decoder.backward(n_lit, worker.dl_drgb.data(), gradients.dl_dray_features.data(), tile.dl_dnetwork,
-                           worker.decoding, lit.data());
+    state.decoder.backward(n_lit, worker.dl_drgb.data(), gradients.dl_dray_features.data(),
+                           worker.dl_dtransmittance.data(), tile.dl_dnetwork, worker.decoding, lit.data());
     tracer.traceBackward(scene, gradients.dl_dray_features.data(), worker.dl_dtransmittance.data(),
                          state.distortion, gradients.kept);
     tile.report.distortion = tracer.distortion();

@@ -20,15 +20,15 @@ int rowAt(const std::int32_t* rows, int i) { return rows ? rows[i] : i; }
 }  // namespace
 
 Decoder::Decoder(int channels, std::uint64_t seed, int width)
-    : channels_(channels), shape_{{channels + kSphericalHarmonics, width, width, 3}} {
+    : channels_(channels), shape_{{channels + kSphericalHarmonics + 1, width, width, 3}} {
     if (channels != 4 && channels != 8 && channels != 16)
         throw UsageError("decoder: the number of feature channels must be 4, 8 or 16");
     if (width < 1 || width > kMaxDecoderWidth) throw UsageError("decoder: its width must be 1 to 1024");
     parameters_ = initialMlpParameters(shape_, seed, kOutputGain);
 }
 
-void Decoder::forward(int n, const float* features, const float* direction, float* rgb, Workspace& work,
-                      const std::int32_t* rows) const {
+void Decoder::forward(int n, const float* features, const float* direction, const float* transmittance, float* rgb,
+                      Workspace& work, const std::int32_t* rows) const {
     if (work.activations.stride < n || work.activations.offsets.size() != shape_.widths.size()) {
         work.activations.resize(shape_, n);
         work.gradients.resize(shape_, n);
@@ -41,6 +41,7 @@ void Decoder::forward(int n, const float* features, const float* direction, floa
         for (int c = 0; c < channels_; ++c) input[c * stride + i] = features[row * channels_ + c];
         sphericalHarmonics(direction[row * 3], direction[row * 3 + 1], direction[row * 3 + 2],
                            input + channels_ * stride + i, stride);
+        input[(channels_ + kSphericalHarmonics) * stride + i] = transmittance ? 1 - transmittance[row] : 1.0f;
     }
     mlpForward(shape_, parameters_, n, work.activations);
     const float* const output = work.activations.layer(shape_.layerCount());
@@ -50,8 +51,8 @@ void Decoder::forward(int n, const float* features, const float* direction, floa
                 sigmoid(input[c * stride + i] + output[c * stride + i]);
 }
 
-void Decoder::backward(int n, const float* dl_drgb, float* dl_dfeatures, std::span<float> dl_dparameters,
-                       Workspace& work, const std::int32_t* rows) const {
+void Decoder::backward(int n, const float* dl_drgb, float* dl_dfeatures, float* dl_dtransmittance,
+                       std::span<float> dl_dparameters, Workspace& work, const std::int32_t* rows) const {
     const int stride = work.activations.stride;
     const int padded = (n + kPadding - 1) / kPadding * kPadding;
     float* const dl_doutput = work.gradients.layer(shape_.layerCount());
@@ -68,6 +69,9 @@ void Decoder::backward(int n, const float* dl_drgb, float* dl_dfeatures, std::sp
         for (int c = 0; c < channels_; ++c)
             dl_dfeatures[rowAt(rows, i) * channels_ + c] =
                 dl_dinput[c * stride + i] + (c < 3 ? dl_doutput[c * stride + i] : 0.0f);
+    if (!dl_dtransmittance) return;
+    const float* const dl_dopacity = dl_dinput + (channels_ + kSphericalHarmonics) * stride;
+    for (int i = 0; i < n; ++i) dl_dtransmittance[rowAt(rows, i)] -= dl_dopacity[i];
 }
 
 void Decoder::diffuse(int n, const float* features, float* rgb) const {
@@ -87,7 +91,8 @@ void Decoder::diffuse(int n, const float* features, float* rgb) const {
                 direction[i * 3 + 1] = static_cast<float>(radius * std::sin(kGoldenAngle * d));
                 direction[i * 3 + 2] = static_cast<float>(z);
             }
-            forward(batch, features + std::size_t(first) * channels_, direction.data(), colour.data(), work);
+            forward(batch, features + std::size_t(first) * channels_, direction.data(), nullptr, colour.data(),
+                    work);
             for (int i = 0; i < 3 * batch; ++i) rgb[std::size_t{3} * first + i] += colour[i] / kDirections;
         }
     }

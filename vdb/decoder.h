@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // From what a ray gathered to a colour, once per ray ("deferred decoding"):
-//   rgb = sigmoid(F[0..2] + MLP(F, Y(direction)))        F = sum_i w_i f_i / A,  Y = spherical harmonics, degree < 4
-//   C   = A rgb + (1 - A) background                      A = sum_i w_i
-// F is a mean, so that a surface has the same colour where a pixel sees only a part of it.
+//   rgb = sigmoid(F[0..2] + MLP(F, Y(direction), A))     F = sum_i w_i f_i / A,  Y = spherical harmonics, degree < 4
+//   C   = A rgb + (1 - A) background                      A = 1 - T_end
+// F is a mean, so that a surface has the same colour where a pixel sees only a part of it; A tells the network where
+// that is so, since sRGB values of what is thinner than a pixel do not mix as light does.
 // A part that can be exchanged: nothing else knows how features become colour.
 #pragma once
 
@@ -36,18 +37,19 @@ public:
         std::vector<float> rgb;  // [3][stride]
     };
 
-    /// Shapes: features [row][channels], direction [row][3] (unit, world, the way light is looked along)
+    /// Shapes: features [row][channels], direction [row][3] (unit, world, the way light is looked along),
+    ///         transmittance [row] T_end (null: all rays are opaque)
     ///         -> rgb [row][3] in (0, 1), sRGB values. Kept in the workspace for backward.
     /// Done for the n rows whose numbers stand in `rows`, others are not touched; null: for the first n.
-    void forward(int n, const float* features, const float* direction, float* rgb, Workspace& work,
-                 const std::int32_t* rows = nullptr) const;
+    void forward(int n, const float* features, const float* direction, const float* transmittance, float* rgb,
+                 Workspace& work, const std::int32_t* rows = nullptr) const;
 
-    /// dl_drgb [row][3] -> dl_dfeatures [row][channels] (overwritten), dl_dparameters (added to). The same n and
-    /// rows as in forward.
-    void backward(int n, const float* dl_drgb, float* dl_dfeatures, std::span<float> dl_dparameters,
-                  Workspace& work, const std::int32_t* rows = nullptr) const;
+    /// dl_drgb [row][3] -> dl_dfeatures [row][channels] (overwritten), dl_dtransmittance [row] (added to; or null),
+    /// dl_dparameters (added to). The same n and rows as in forward.
+    void backward(int n, const float* dl_drgb, float* dl_dfeatures, float* dl_dtransmittance,
+                  std::span<float> dl_dparameters, Workspace& work, const std::int32_t* rows = nullptr) const;
 
-    /// Colour without view-dependence: rgb of forward averaged over directions spread evenly on the sphere.
+    /// Colour without view-dependence: rgb of forward averaged over directions spread evenly on the sphere, opaque.
     /// features [n][channels] -> rgb [n][3], sRGB values. What plain renderers and meshes get.
     void diffuse(int n, const float* features, float* rgb) const;
 

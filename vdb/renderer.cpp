@@ -75,7 +75,7 @@ RenderedImage Renderer::render(const Camera& camera) const {
         // Of other rays nothing must stay from the tile before: zero times NaN is NaN.
         std::fill(worker.rgb.begin(), worker.rgb.end(), 0.0f);
         model_.decoder.forward(static_cast<int>(lit.size()), tracer.rayFeatures(), tracer.directions(),
-                               worker.rgb.data(), worker.decoding, lit.data());
+                               tracer.transmittance(), worker.rgb.data(), worker.decoding, lit.data());
 
         const KeptSamples& kept = worker.kept;
         // The mean over kept samples: what was dropped has opacity, but no place.

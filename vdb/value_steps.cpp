@@ -87,8 +87,8 @@ std::vector<double> colourSlopes(const Model& model) {
     const auto flush = [&] {
         const int n = static_cast<int>(weights.size());
         if (n == 0) return;
-        model.decoder.forward(n, features.data(), directions.data(), rgb.data(), work);
-        model.decoder.backward(n, dl_drgb.data(), dl_dfeatures.data(), dl_dparameters, work);
+        model.decoder.forward(n, features.data(), directions.data(), nullptr, rgb.data(), work);
+        model.decoder.backward(n, dl_drgb.data(), dl_dfeatures.data(), nullptr, dl_dparameters, work);
         for (int i = 0; i < n; ++i)
             for (std::size_t k = 0; k < channels; ++k) {
                 const double slope = dl_dfeatures[i * channels + k];

@@ -28,14 +28,15 @@ std::vector<float> randomDirections(int n) {
     return directions;
 }
 
-/// rgb = sigmoid(F[0..2] + MLP(F, Y(direction))) of one ray, plainly and in double.
+/// rgb = sigmoid(F[0..2] + MLP(F, Y(direction), 1 - T)) of one ray, plainly and in double.
 Vec3d slowColour(const Decoder& decoder, const std::vector<double>& parameters, const double* features,
-                 const float* direction) {
+                 const float* direction, double transmittance) {
     const std::vector<int>& widths = decoder.shape().widths;
     std::vector<double> in(features, features + decoder.channels());
     float harmonics[kSphericalHarmonics];
     sphericalHarmonics(direction[0], direction[1], direction[2], harmonics);
     in.insert(in.end(), harmonics, harmonics + kSphericalHarmonics);
+    in.push_back(1 - transmittance);
     std::size_t offset = 0;
     for (std::size_t l = 0; l + 1 < widths.size(); ++l) {
         std::vector<double> out(widths[l + 1]);
@@ -55,7 +56,7 @@ Vec3d slowColour(const Decoder& decoder, const std::vector<double>& parameters, 
 /// A decoder whose network matters, with everything that a gradient check needs.
 struct Checked {
     Decoder decoder;
-    std::vector<double> parameters, features;
+    std::vector<double> parameters, features, transmittance;
     std::vector<float> directions = randomDirections(kRays), dl_drgb;
 
     explicit Checked(int channels) : decoder(channels, 5) {
@@ -63,13 +64,14 @@ struct Checked {
             decoder.parameters()[i] += randomIn(-0.1f, 0.1f, 2, i);
         parameters.assign(decoder.parameters().begin(), decoder.parameters().end());
         for (int i = 0; i < kRays * channels; ++i) features.push_back(randomIn(-2, 2, 3, i));
+        for (int i = 0; i < kRays; ++i) transmittance.push_back(randomIn(0, 1, 7, i));
         for (int i = 0; i < kRays * 3; ++i) dl_drgb.push_back(randomIn(-1, 1, 4, i));
     }
     double loss() const {
         double sum = 0;
         for (int r = 0; r < kRays; ++r) {
             const Vec3d rgb =
-                slowColour(decoder, parameters, &features[r * decoder.channels()], &directions[3 * r]);
+                slowColour(decoder, parameters, &features[r * decoder.channels()], &directions[3 * r], transmittance[r]);
             for (int c = 0; c < 3; ++c) sum += rgb[c] * dl_drgb[3 * r + c];
         }
         return sum;
@@ -80,7 +82,7 @@ struct Checked {
     }
 };
 
-// Single-precision sums of up to 64 + 19 terms of order 1, through three layers.
+// Single-precision sums of up to 128 + 25 terms of order 1, through three layers.
 constexpr double kTolerance = 5e-5;
 
 }  // namespace
@@ -89,12 +91,13 @@ TEST_CASE("decoded colours agree with the formula in double, for 4, 8 and 16 cha
     for (const int channels : {4, 8, 16}) {
         const Checked c(channels);
         const std::vector<float> features(c.features.begin(), c.features.end());
+        const std::vector<float> transmittance(c.transmittance.begin(), c.transmittance.end());
         Decoder::Workspace work;
         std::vector<float> rgb(3 * kRays);
-        c.decoder.forward(kRays, features.data(), c.directions.data(), rgb.data(), work);
+        c.decoder.forward(kRays, features.data(), c.directions.data(), transmittance.data(), rgb.data(), work);
         for (int r = 0; r < kRays; ++r) {
             const Vec3d expected =
-                slowColour(c.decoder, c.parameters, &c.features[r * channels], &c.directions[3 * r]);
+                slowColour(c.decoder, c.parameters, &c.features[r * channels], &c.directions[3 * r], c.transmittance[r]);
             for (int k = 0; k < 3; ++k) CHECK(rgb[3 * r + k] == Approx(expected[k]).margin(kTolerance));
         }
     }
@@ -103,15 +106,18 @@ TEST_CASE("decoded colours agree with the formula in double, for 4, 8 and 16 cha
 TEST_CASE("the decoder's gradients agree with central differences: features and every parameter section") {
     Checked c(8);
     const std::vector<float> features(c.features.begin(), c.features.end());
+    const std::vector<float> transmittance(c.transmittance.begin(), c.transmittance.end());
     Decoder::Workspace work;
-    std::vector<float> rgb(3 * kRays), dl_dfeatures(kRays * 8, 1e30f),
+    std::vector<float> rgb(3 * kRays), dl_dfeatures(kRays * 8, 1e30f), dl_dtransmittance(kRays, 0.5f),
         dl_dparameters(c.parameters.size(), 0.0f);
-    c.decoder.forward(kRays, features.data(), c.directions.data(), rgb.data(), work);
-    c.decoder.backward(kRays, c.dl_drgb.data(), dl_dfeatures.data(), dl_dparameters, work);
+    c.decoder.forward(kRays, features.data(), c.directions.data(), transmittance.data(), rgb.data(), work);
+    c.decoder.backward(kRays, c.dl_drgb.data(), dl_dfeatures.data(), dl_dtransmittance.data(), dl_dparameters, work);
 
     int wrong = 0;
     for (int i = 0; i < kRays * 8; ++i)
         wrong += !(std::abs(dl_dfeatures[i] - c.derivative(c.features[i])) <= kTolerance);
+    for (int r = 0; r < kRays; ++r)  // added to what was there
+        wrong += !(std::abs(dl_dtransmittance[r] - 0.5 - c.derivative(c.transmittance[r])) <= kTolerance);
     CHECK(wrong == 0);
 
     // A kink of a ReLU within the difference's step may spoil a derivative: at most one in a thousand.
@@ -140,16 +146,17 @@ TEST_CASE("the decoder's gradients agree with central differences: features and 
 TEST_CASE("a workspace used for many rays serves few as well: leftovers have no gradient") {
     const Checked c(4);
     const std::vector<float> features(c.features.begin(), c.features.end());
+    const std::vector<float> transmittance(c.transmittance.begin(), c.transmittance.end());
     const auto gradientOfTwoRays = [&](Decoder::Workspace& work) {
         std::vector<float> rgb(3 * kRays), dl_dfeatures(kRays * 4), dl_dparameters(c.parameters.size());
-        c.decoder.forward(2, features.data(), c.directions.data(), rgb.data(), work);
-        c.decoder.backward(2, c.dl_drgb.data(), dl_dfeatures.data(), dl_dparameters, work);
+        c.decoder.forward(2, features.data(), c.directions.data(), transmittance.data(), rgb.data(), work);
+        c.decoder.backward(2, c.dl_drgb.data(), dl_dfeatures.data(), nullptr, dl_dparameters, work);
         return dl_dparameters;
     };
     Decoder::Workspace fresh, used;
     std::vector<float> rgb(3 * kRays), dl_dfeatures(kRays * 4), ignored(c.parameters.size());
-    c.decoder.forward(kRays, features.data(), c.directions.data(), rgb.data(), used);
-    c.decoder.backward(kRays, c.dl_drgb.data(), dl_dfeatures.data(), ignored, used);
+    c.decoder.forward(kRays, features.data(), c.directions.data(), transmittance.data(), rgb.data(), used);
+    c.decoder.backward(kRays, c.dl_drgb.data(), dl_dfeatures.data(), nullptr, ignored, used);
     CHECK(gradientOfTwoRays(fresh) == gradientOfTwoRays(used));
 }
 
@@ -170,7 +177,7 @@ TEST_CASE("diffuse colour is the mean over all directions") {
                          azimuth = i % 80 * (M_PI / 40);
             const float direction[3] = {static_cast<float>(radius * std::cos(azimuth)),
                                         static_cast<float>(radius * std::sin(azimuth)), static_cast<float>(z)};
-            const Vec3d colour = slowColour(c.decoder, c.parameters, &exact[point * 8], direction);
+            const Vec3d colour = slowColour(c.decoder, c.parameters, &exact[point * 8], direction, 0);
             mean += colour / 4000;
             least = least.cwiseMin(colour), most = most.cwiseMax(colour);
         }

@@ -122,8 +122,8 @@ TEST_CASE("rounding changes decoded colours by less than half a level of 8 bits"
         forEachBit(model.field.topology().voxels()[leaf], [&](int offset) {
             const std::size_t at = (leaf * kLeafVoxels + offset) * 16;
             float a[3], b[3];
-            model.decoder.forward(1, &model.field.features()[at], direction.data(), a, work);
-            loaded.decoder.forward(1, &loaded.field.features()[at], direction.data(), b, work);
+            model.decoder.forward(1, &model.field.features()[at], direction.data(), nullptr, a, work);
+            loaded.decoder.forward(1, &loaded.field.features()[at], direction.data(), nullptr, b, work);
             for (int c = 0; c < 3; ++c) sum += (a[c] - b[c]) * (a[c] - b[c]), ++weight_sum;
         });
     // The steps are chosen for a standard deviation of at most 2e-3 of one voxel; 1.5 times for one direction.
