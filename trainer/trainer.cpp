@@ -139,7 +139,10 @@ void Training::start() {
         throw DataError(dataset_.root.string(), "no views to train on", "at least one posed photograph");
     const Box box = findSceneBox(dataset_, options_.bounds);
     const BoxGrid grid = gridOver(box, kCoarsestResolution);
-    Topology topology(grid.dims, possibleCells(dataset_, grid, std::min<std::size_t>(2, dataset_.views.size())));
+    // Without a view nothing is ruled out.
+    Topology topology(grid.dims, options_.keep_unseen
+                                     ? possibleCells({}, grid, 0)
+                                     : possibleCells(dataset_, grid, std::min<std::size_t>(2, dataset_.views.size())));
     if (topology.cellCount() == 0)
         throw DataError(dataset_.root.string(), "no point of the scene's box in view of two cameras",
                         "cameras that look at a common scene", "check the poses, or give --bounds");

@@ -26,7 +26,8 @@ struct TrainOptions {
     std::optional<Box> bounds;                  // world units
     std::optional<std::size_t> max_memory_bytes;
     std::uint64_t seed = 1;
-    bool keep_unseen = false;                   // voxels from which no training ray took light: kept to measure them
+    bool keep_unseen = false;                   // also learn voxels that fewer than two views see, that a mask shows
+                                                // empty or from which no ray took light: to measure what they cost
     double elapsed_s = 0;                       // wall time the process had spent when training began
 };
 
