@@ -8,6 +8,8 @@
 #include <span>
 #include <vector>
 
+#include "core/simd/kernels.h"
+
 namespace nerfvdb {
 
 /// Adam (Kingma and Ba 2015, algorithm 1), with bias correction.
@@ -24,11 +26,8 @@ struct Adam {
         const double correction1 = 1 - std::pow(static_cast<double>(beta1), static_cast<double>(count));
         const double correction2 = 1 - std::pow(static_cast<double>(beta2), static_cast<double>(count));
         const float scale1 = static_cast<float>(1 / correction1), scale2 = static_cast<float>(1 / correction2);
-        for (std::size_t i = 0; i < parameters.size(); ++i) {
-            first[i] = beta1 * first[i] + (1 - beta1) * gradients[i];
-            second[i] = beta2 * second[i] + (1 - beta2) * gradients[i] * gradients[i];
-            parameters[i] -= rate * scale1 * first[i] / (std::sqrt(scale2 * second[i]) + epsilon);
-        }
+        simd::adamStep(static_cast<int>(parameters.size()), {beta1, beta2, epsilon, rate, scale1, scale2},
+                       gradients.data(), first.data(), second.data(), parameters.data());
     }
 };
 

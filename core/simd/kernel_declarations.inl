@@ -53,3 +53,8 @@ void layerBackwardInput(int n, int stride, int n_in, int n_out, const float* wei
 /// dl_dout must be zero from n up to the next multiple of kPadding.
 void layerBackwardWeights(int n, int stride, int n_in, int n_out, const float* dl_dout, const float* in,
                           float* dl_dweights, float* dl_dbias);
+
+/// Adam (Kingma and Ba 2015, algorithm 1) on n parameters; any n, no padding needed.
+///   m = beta1 m + (1 - beta1) g,  v = beta2 v + (1 - beta2) g^2
+///   parameter -= rate scale1 m / (sqrt(scale2 v) + epsilon)
+void adamStep(int n, const AdamRates& rates, const float* gradients, float* first, float* second, float* parameters);

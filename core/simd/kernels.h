@@ -84,6 +84,11 @@ struct RmsPropRates {
     float feature_smoothing;         // pull of features towards their neighbours' mean, per unit of feature_rate
 };
 
+struct AdamRates {
+    float beta1, beta2, epsilon, rate;
+    float scale1, scale2;            // bias corrections, 1 / (1 - beta^count)
+};
+
 namespace simd {
 #include "core/simd/kernel_declarations.inl"
 /// Name of the instruction set in use, such as "AVX3".

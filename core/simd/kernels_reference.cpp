@@ -194,4 +194,12 @@ void layerBackwardWeights(int n, int stride, int n_in, int n_out, const float* d
     }
 }
 
+void adamStep(int n, const AdamRates& rates, const float* gradients, float* first, float* second, float* parameters) {
+    for (int i = 0; i < n; ++i) {
+        first[i] = rates.beta1 * first[i] + (1 - rates.beta1) * gradients[i];
+        second[i] = rates.beta2 * second[i] + (1 - rates.beta2) * gradients[i] * gradients[i];
+        parameters[i] -= rates.rate * rates.scale1 * first[i] / (std::sqrt(rates.scale2 * second[i]) + rates.epsilon);
+    }
+}
+
 }  // namespace nerfvdb::reference

@@ -104,36 +104,88 @@ void layerBackwardInput(int n, int stride, int n_in, int n_out, const float* wei
     }
 }
 
-void layerBackwardWeights(int n, int stride, int n_in, int n_out, const float* dl_dout, const float* in,
-                          float* dl_dweights, float* dl_dbias) {
-    const int padded = (n + kPadding - 1) / kPadding * kPadding;
-    for (int o = 0; o < n_out; o += kRows) {
-        const int rows = n_out - o < kRows ? n_out - o : kRows;
-        for (int i = 0; i < n_in; i += kRows) {
-            const int columns = n_in - i < kRows ? n_in - i : kRows;
-            FloatVec sum[kRows][kRows];
-            for (int p = 0; p < kRows; ++p)
-                for (int q = 0; q < kRows; ++q) sum[p][q] = hn::Zero(kFloat);
-            for (int b = 0; b < padded; b += kLanes) {
-                FloatVec value[kRows];
-                for (int q = 0; q < kRows; ++q)
-                    value[q] = hn::LoadU(kFloat, in + (i + (q < columns ? q : 0)) * stride + b);
-                for (int p = 0; p < kRows; ++p) {
-                    const FloatVec slope = hn::LoadU(kFloat, dl_dout + (o + (p < rows ? p : 0)) * stride + b);
-                    for (int q = 0; q < kRows; ++q) sum[p][q] = hn::MulAdd(slope, value[q], sum[p][q]);
-                }
-            }
-            for (int p = 0; p < rows; ++p)
-                for (int q = 0; q < columns; ++q)
-                    dl_dweights[(o + p) * n_in + i + q] += hn::GetLane(hn::SumOfLanes(kFloat, sum[p][q]));
-        }
-        for (int p = 0; p < rows; ++p) {
-            FloatVec sum = hn::Zero(kFloat);
-            for (int b = 0; b < padded; b += kLanes)
-                sum = hn::Add(sum, hn::LoadU(kFloat, dl_dout + (o + p) * stride + b));
-            dl_dbias[o + p] += hn::GetLane(hn::SumOfLanes(kFloat, sum));
+/// to[0..3] += sums of the lanes of four vectors, side by side: a transpose costs half of four sums.
+HWY_INLINE void addSumsOfLanes(const FloatVec* from, float* to) {
+#if HWY_TARGET == HWY_SCALAR
+    for (int q = 0; q < kRows; ++q) to[q] += hn::GetLane(from[q]);
+#else
+    // Per block of four lanes: a0 + a2, b0 + b2, a1 + a3, b1 + b3; then the sums of a, b, c, d.
+    const FloatVec ab = hn::Add(hn::InterleaveLower(kFloat, from[0], from[1]),
+                                hn::InterleaveUpper(kFloat, from[0], from[1]));
+    const FloatVec cd = hn::Add(hn::InterleaveLower(kFloat, from[2], from[3]),
+                                hn::InterleaveUpper(kFloat, from[2], from[3]));
+    const hn::Repartition<double, FloatTag> pairs;
+    const auto ab_pairs = hn::BitCast(pairs, ab), cd_pairs = hn::BitCast(pairs, cd);
+    const FloatVec sums = hn::Add(hn::BitCast(kFloat, hn::InterleaveLower(pairs, ab_pairs, cd_pairs)),
+                                  hn::BitCast(kFloat, hn::InterleaveUpper(pairs, ab_pairs, cd_pairs)));
+    HWY_ALIGN float blocks[kLanes];
+    hn::Store(sums, kFloat, blocks);
+    const hn::CappedTag<float, kRows> row;
+    auto total = hn::LoadU(row, to);
+    for (int block = 0; block < kLanes; block += kRows) total = hn::Add(total, hn::Load(row, blocks + block));
+    hn::StoreU(total, row, to);
+#endif
+}
+
+/// dl_dweights of a block of kRows x kRows: rows o.. of dl_dout against rows i.. of in.
+HWY_INLINE void backwardWeightsBlock(int padded, int stride, int n_in, int rows, int columns, const float* dl_dout,
+                                     const float* in, float* dl_dweights) {
+    FloatVec sum[kRows][kRows];
+    for (int p = 0; p < kRows; ++p)
+        for (int q = 0; q < kRows; ++q) sum[p][q] = hn::Zero(kFloat);
+    for (int b = 0; b < padded; b += kLanes) {
+        FloatVec value[kRows];
+        for (int q = 0; q < kRows; ++q) value[q] = hn::LoadU(kFloat, in + (q < columns ? q : 0) * stride + b);
+        for (int p = 0; p < kRows; ++p) {
+            const FloatVec slope = hn::LoadU(kFloat, dl_dout + (p < rows ? p : 0) * stride + b);
+            for (int q = 0; q < kRows; ++q) sum[p][q] = hn::MulAdd(slope, value[q], sum[p][q]);
         }
     }
+    for (int p = 0; p < rows; ++p) {
+        float* const to = dl_dweights + p * n_in;
+        if (columns == kRows) {
+            addSumsOfLanes(sum[p], to);
+            continue;
+        }
+        for (int q = 0; q < columns; ++q) to[q] += hn::GetLane(hn::SumOfLanes(kFloat, sum[p][q]));
+    }
+}
+
+void layerBackwardWeights(int n, int stride, int n_in, int n_out, const float* dl_dout, const float* in,
+                          float* dl_dweights, float* dl_dbias) {
+    constexpr int kPanel = 4 * kRows;  // rows of dl_dout that stay in the first-level cache while `in` streams by
+    const int padded = (n + kPadding - 1) / kPadding * kPadding;
+    for (int panel = 0; panel < n_out; panel += kPanel) {
+        const int end = panel + kPanel < n_out ? panel + kPanel : n_out;
+        for (int i = 0; i < n_in; i += kRows)
+            for (int o = panel; o < end; o += kRows)
+                backwardWeightsBlock(padded, stride, n_in, end - o < kRows ? end - o : kRows,
+                                     n_in - i < kRows ? n_in - i : kRows, dl_dout + o * stride, in + i * stride,
+                                     dl_dweights + o * n_in + i);
+        for (int o = panel; o < end; ++o) {
+            FloatVec sum = hn::Zero(kFloat);
+            for (int b = 0; b < padded; b += kLanes) sum = hn::Add(sum, hn::LoadU(kFloat, dl_dout + o * stride + b));
+            dl_dbias[o] += hn::GetLane(hn::SumOfLanes(kFloat, sum));
+        }
+    }
+}
+
+void adamStep(int n, const AdamRates& rates, const float* gradients, float* first, float* second, float* parameters) {
+    const FloatVec beta1 = hn::Set(kFloat, rates.beta1), rest1 = hn::Set(kFloat, 1 - rates.beta1);
+    const FloatVec beta2 = hn::Set(kFloat, rates.beta2), rest2 = hn::Set(kFloat, 1 - rates.beta2);
+    const FloatVec rate = hn::Set(kFloat, rates.rate * rates.scale1), scale2 = hn::Set(kFloat, rates.scale2);
+    const FloatVec epsilon = hn::Set(kFloat, rates.epsilon);
+    int i = 0;
+    for (; i + kLanes <= n; i += kLanes) {
+        const FloatVec g = hn::LoadU(kFloat, gradients + i);
+        const FloatVec m = hn::MulAdd(beta1, hn::LoadU(kFloat, first + i), hn::Mul(rest1, g));
+        const FloatVec v = hn::MulAdd(beta2, hn::LoadU(kFloat, second + i), hn::Mul(rest2, hn::Mul(g, g)));
+        const FloatVec step = hn::Div(hn::Mul(rate, m), hn::Add(hn::Sqrt(hn::Mul(scale2, v)), epsilon));
+        hn::StoreU(m, kFloat, first + i);
+        hn::StoreU(v, kFloat, second + i);
+        hn::StoreU(hn::Sub(hn::LoadU(kFloat, parameters + i), step), kFloat, parameters + i);
+    }
+    reference::adamStep(n - i, rates, gradients + i, first + i, second + i, parameters + i);
 }
 
 }  // namespace
@@ -145,6 +197,7 @@ namespace nerfvdb {
 HWY_EXPORT(layerForward);
 HWY_EXPORT(layerBackwardInput);
 HWY_EXPORT(layerBackwardWeights);
+HWY_EXPORT(adamStep);
 }  // namespace nerfvdb
 
 namespace nerfvdb::simd {
@@ -160,6 +213,10 @@ void layerBackwardInput(int n, int stride, int n_in, int n_out, const float* wei
 void layerBackwardWeights(int n, int stride, int n_in, int n_out, const float* dl_dout, const float* in,
                           float* dl_dweights, float* dl_dbias) {
     HWY_DYNAMIC_DISPATCH(layerBackwardWeights)(n, stride, n_in, n_out, dl_dout, in, dl_dweights, dl_dbias);
+}
+
+void adamStep(int n, const AdamRates& rates, const float* gradients, float* first, float* second, float* parameters) {
+    HWY_DYNAMIC_DISPATCH(adamStep)(n, rates, gradients, first, second, parameters);
 }
 
 }  // namespace nerfvdb::simd
