@@ -13,6 +13,7 @@
 #include "core/random.h"
 #include "core/simd/kernels.h"
 #include "trainer/sample_scene.h"
+#include "vdb/decoder.h"
 #include "vdb/occupancy.h"
 
 namespace nerfvdb {
@@ -20,7 +21,7 @@ namespace {
 
 constexpr int kTileEdge = 16, kTileRays = kTileEdge * kTileEdge;
 constexpr int kSamplesPerRay = 8;
-constexpr int kHidden = 64;  // width of the network's layers
+constexpr int kHidden = kDecoderWidth;  // width of the network's layers
 constexpr float kStep = 0.5f;
 constexpr double kExp = 10;  // operations that an exponential counts as
 
@@ -45,15 +46,18 @@ struct KernelSet {
     decltype(&simd::layerForward) layer;
     decltype(&simd::layerBackwardInput) layer_input;
     decltype(&simd::layerBackwardWeights) layer_weights;
+    decltype(&simd::adamStep) adam;
 };
 
 constexpr KernelSet kSimd = {&simd::marchRays,    &simd::densityForward,     &simd::featuresForward,
                              &simd::rowDots,      &simd::accumulateLeaf,     &simd::rmsPropLeaf,
-                             &simd::layerForward, &simd::layerBackwardInput, &simd::layerBackwardWeights};
+                             &simd::layerForward, &simd::layerBackwardInput, &simd::layerBackwardWeights,
+                             &simd::adamStep};
 constexpr KernelSet kReference = {
     &reference::marchRays,    &reference::densityForward,     &reference::featuresForward,
     &reference::rowDots,      &reference::accumulateLeaf,     &reference::rmsPropLeaf,
-    &reference::layerForward, &reference::layerBackwardInput, &reference::layerBackwardWeights};
+    &reference::layerForward, &reference::layerBackwardInput, &reference::layerBackwardWeights,
+    &reference::adamStep};
 
 /// The sphere's voxels with features of noise.
 VoxelField noisyField(int resolution, int channels) {
@@ -95,6 +99,8 @@ public:
         bias = noises(6, kHidden);
         weight_gradient.assign(kHidden * kHidden + kPadding, 0.0f);
         bias_gradient.assign(kHidden + kPadding, 0.0f);
+        adam_first = noises(17, kHidden * kHidden);
+        adam_second.assign(kHidden * kHidden + kPadding, 1.0f);
         copy_from = HugeArray<float>(kCopyFloats, 1.0f);
         copy_to = HugeArray<float>(kCopyFloats);
     }
@@ -112,7 +118,8 @@ public:
     std::vector<float> ray_gradient, leaf_density, leaf_features, gradient, feature_gradient, moment,
         feature_moment;
     LeafMask touched{}, active{};
-    std::vector<float> layer_in, layer_out, layer_gradient, weights, bias, weight_gradient, bias_gradient;
+    std::vector<float> layer_in, layer_out, layer_gradient, weights, bias, weight_gradient, bias_gradient,
+        adam_first, adam_second;
     HugeArray<float> copy_from, copy_to;
 
     void marchTile(const KernelSet& kernels, Tile& tile) const {
@@ -262,6 +269,11 @@ std::vector<Kernel> kernelsOf(KernelData& data, const KernelSet& set) {
                            set.layer_weights(kTileRays, kTileRays, kHidden, kHidden, data.layer_gradient.data(),
                                              data.layer_in.data(), data.weight_gradient.data(),
                                              data.bias_gradient.data());
+                       }});
+    // A rate of zero, and moments that stay as they are.
+    kernels.push_back({"adamStep, a parameter", kHidden * kHidden, 28, 12, [&data, set] {
+                           set.adam(kHidden * kHidden, {1, 1, 1e-8f, 0, 1, 1}, data.weight_gradient.data(),
+                                    data.adam_first.data(), data.adam_second.data(), data.weights.data());
                        }});
     return kernels;
 }

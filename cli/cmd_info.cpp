@@ -52,6 +52,7 @@ void describeModel(const InfoWords& words) {
                        {"cells", topology.cellCount()},
                        {"channels", field.channels()},
                        {"density_scale", field.densityScale()},
+                       {"decoder_width", model.decoder.width()},
                        {"decoder_parameters", model.decoder.parameters().size()},
                        {"background", {model.background.x(), model.background.y(), model.background.z()}},
                        {"memory_bytes", field.bytes()},
@@ -60,8 +61,8 @@ void describeModel(const InfoWords& words) {
                        {"seed", model.info.seed},
                        {"train_psnr", model.info.train_psnr}};
     const std::string text =
-        formatted("model: density and %d features a voxel, %zu decoder parameters\n", field.channels(),
-                  model.decoder.parameters().size()) +
+        formatted("model: density and %d features a voxel, a network %d wide (%zu parameters)\n", field.channels(),
+                  model.decoder.width(), model.decoder.parameters().size()) +
         grids_text +
         formatted("resolution: %d x %d x %d, voxels of %.4g world units\n", dims.x(), dims.y(), dims.z(),
                   field.frame().voxel_size) +

@@ -15,7 +15,7 @@ namespace nerfvdb {
 namespace {
 
 struct TrainWords {
-    std::string data, out, preset = "default", time, steps, background = "auto", max_memory;
+    std::string data, out, preset, time, steps, background = "auto", max_memory;
     std::vector<double> bounds;
     std::uint64_t seed = TrainOptions{}.seed;
     bool resume = false, strict = false;
@@ -30,7 +30,7 @@ TrainOptions trainOptions(const TrainWords& words) {
                                                                        {"black", BackgroundMode::black},
                                                                        {"random", BackgroundMode::random}};
     TrainOptions options;
-    options.preset = kPresets.at(words.preset);
+    if (!words.preset.empty()) options.preset = kPresets.at(words.preset);
     options.background = kBackgrounds.at(words.background);
     if (!words.time.empty()) options.time_s = parseDuration("--time", words.time);
     if (!words.steps.empty()) options.steps = parseSteps("--steps", words.steps);
@@ -129,7 +129,8 @@ Command addTrain(CLI::App& program) {
         ->type_name("MODEL.vdb");
     app.add_option("--preset", words->preset,
                    "How long, and how much the scene can hold: fast (a minute, voxels of 1/256 of the box), default "
-                   "(five, 1/512) or best (thirty, 1/512, twice the features and network) [default]")
+                   "(five, 1/512, twice the network) or best (thirty, 1/512, four times the network, twice the features) "
+                   "[default, with the network of fast for --time 90s and less]")
         ->check(CLI::IsMember({"fast", "default", "best"}))
         ->type_name("NAME");
     app.add_option(

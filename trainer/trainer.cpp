@@ -72,11 +72,20 @@ struct PresetPlan {
 
 PresetPlan planOf(Preset preset) {
     switch (preset) {
-        case Preset::fast: return {11000, 3, 8, kDecoderWidth};
+        case Preset::fast: return {11000, 3, 8, kDecoderWidth / 2};
         case Preset::standard: return {25000, 4, 8, kDecoderWidth};
         case Preset::best: return {75000, 4, 16, 2 * kDecoderWidth};
     }
     throw UsageError("training: an unknown preset");
+}
+
+PresetPlan planFor(const TrainOptions& options) {
+    PresetPlan plan = planOf(options.preset.value_or(Preset::standard));
+    // At large voxels the network is a fifth of the time, and rays are worth more than its width.
+    constexpr double kShort = 90;
+    if (!options.preset && options.time_s && *options.time_s <= kShort)
+        plan.decoder_width = planOf(Preset::fast).decoder_width;
+    return plan;
 }
 
 /// Training from start to finish; each function is one move of the story.
@@ -147,7 +156,7 @@ void Training::start() {
         throw DataError(dataset_.root.string(), "no point of the scene's box in view of two cameras",
                         "cameras that look at a common scene", "check the poses, or give --bounds");
 
-    const PresetPlan plan = planOf(options_.preset);
+    const PresetPlan plan = planFor(options_);
     state_.decoder = Decoder(plan.channels, options_.seed, plan.decoder_width);
     if (options_.max_memory_bytes && memoryFor(topology) > *options_.max_memory_bytes)
         throw UsageError("--max-memory", std::to_string(*options_.max_memory_bytes >> 20) + " MiB",
@@ -228,10 +237,10 @@ void Training::planFromOptions() {
         shareBySteps(place_.stages);
     } else if (steps.size() == 1 || !options_.time_s) {
         place_.stages =
-            stagesForSteps(steps.empty() ? planOf(options_.preset).steps : steps.front(), max_levels_);
+            stagesForSteps(steps.empty() ? planFor(options_).steps : steps.front(), max_levels_);
     } else {
         // Until its cost is known: enough for the first stage to be measured in.
-        place_.stages = stagesForSteps(planOf(options_.preset).steps, max_levels_);
+        place_.stages = stagesForSteps(planFor(options_).steps, max_levels_);
         plans_time_ = true;
     }
     if (!plans_time_) report_.info("plan: " + scheduleText(place_.stages) + " steps");

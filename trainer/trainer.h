@@ -19,7 +19,7 @@ enum class Preset { fast, standard, best };
 enum class BackgroundMode { automatic, white, black, random };
 
 struct TrainOptions {
-    Preset preset = Preset::standard;
+    std::optional<Preset> preset;               // standard, but for time_s of 90 s and less with the network of fast
     std::optional<double> time_s;               // wall time from process start to file on disk
     std::vector<std::int64_t> steps;            // total number of steps (one entry) or steps per stage (all entries)
     BackgroundMode background = BackgroundMode::automatic;

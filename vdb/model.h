@@ -13,7 +13,8 @@ namespace nerfvdb {
 
 /// What a model says of its own making; no clock, path or thread count, so that equal training gives equal files.
 struct ModelInfo {
-    std::string schedule;       // steps per stage, such as "120,300,900,2400"; repeats a run of so many steps with --steps
+    std::string schedule;       // steps per stage, such as "120,300,900,2400": what --steps takes, with a preset of
+                                // as many features and as wide a network
     std::uint64_t seed = 0;
     double train_psnr = 0;      // running mean at the end, dB
 };

@@ -303,3 +303,23 @@ TEST_CASE("network layers, forward and backward: fast = reference for all remain
             }
         }
 }
+
+TEST_CASE("Adam: fast = reference, for any number of parameters and nothing beyond them") {
+    for (const int n : {1, 15, 16, 17, 100}) {
+        const AdamRates rates{0.9f, 0.99f, 1e-8f, 3e-3f, 1 / (1 - 0.9f), 1 / (1 - 0.99f)};
+        const std::vector<float> gradients = randomFloats(n + 1, -1, 1, 71);
+        std::vector<float> first = randomFloats(n + 1, -1, 1, 72), second = randomFloats(n + 1, 0, 1, 73);
+        std::vector<float> parameters = randomFloats(n + 1, -1, 1, 74);
+        std::vector<float> slow_first = first, slow_second = second, slow_parameters = parameters;
+        reference::adamStep(n, rates, gradients.data(), slow_first.data(), slow_second.data(), slow_parameters.data());
+        CHECK(slow_parameters[0] != parameters[0]);
+        CHECK(slow_parameters[n] == parameters[n]);
+        forEachTarget([&] {
+            std::vector<float> fast_first = first, fast_second = second, fast_parameters = parameters;
+            simd::adamStep(n, rates, gradients.data(), fast_first.data(), fast_second.data(), fast_parameters.data());
+            CHECK(countWrong(fast_first, slow_first, slow_first.size(), 2) == 0);
+            CHECK(countWrong(fast_second, slow_second, slow_second.size(), 2) == 0);
+            CHECK(countWrong(fast_parameters, slow_parameters, slow_parameters.size(), 2) == 0);
+        });
+    }
+}
