@@ -28,7 +28,7 @@ std::vector<TileGradients> noisyTiles(TrainingProbe& probe, int batch) {
     std::vector<TileGradients> tiles(static_cast<std::size_t>((batch + kTileRays - 1) / kTileRays));
     for (std::size_t t = 0; t < tiles.size(); ++t) {
         tracer.clear();
-        for (int r = 0; r < kTileRays; ++r) {
+        for (int r = 0; r < std::min(kTileRays, batch - static_cast<int>(t) * kTileRays); ++r) {
             const TrainingRay drawn = probe.source().draw(0, t * kTileRays + r);
             tracer.addRay(scene, drawn.ray, options.step_voxels, drawn.jitter);
         }

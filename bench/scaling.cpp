@@ -45,9 +45,9 @@ void addGradientOrder(const Subject& subject, const ScalingOptions& options, Rep
     add("as they come", order.as_they_come);
     for (const BenchRow& row : result.rows) {
         if (row.series != "training, " + rays || row.label != "1 thread") continue;
-        const double saved = summarize(order.by_leaf.wall_s).median - summarize(order.as_they_come.wall_s).median;
+        const double cost = summarize(order.by_leaf.wall_s).median - summarize(order.as_they_come.wall_s).median;
         result.figures.emplace_back("what the order of gradients costs, share of a step of " + rays,
-                                    saved / result.median(row, "seconds"));
+                                    cost / result.median(row, "seconds"));
     }
 }
 

@@ -129,7 +129,7 @@ Command addTrain(CLI::App& program) {
         ->type_name("MODEL.vdb");
     app.add_option("--preset", words->preset,
                    "How long, and how much the scene can hold: fast (a minute, voxels of 1/256 of the box), default "
-                   "(five, 1/512, twice the network) or best (thirty, 1/512, four times the network, twice the features) "
+                   "(five, 1/512, a network twice as wide) or best (thirty, 1/512, four times as wide, twice the features) "
                    "[default, with the network of fast for --time 90s and less]")
         ->check(CLI::IsMember({"fast", "default", "best"}))
         ->type_name("NAME");

@@ -65,8 +65,8 @@ int usefulLevels(const Dataset& dataset, const Box& box, double coarsest_voxel) 
 struct PresetPlan {
     std::int64_t steps;  // about one, five and thirty minutes on two cores for a scene like a small object
     int max_levels;
-    // How much a voxel and the network hold: what `best` has gains half a decibel where there is time for it, and
-    // costs twice the time a ray and 1.7 times the memory.
+    // How much a voxel and the network hold: what `best` has costs twice the time a ray and 1.7 times the memory, and
+    // gains where there is time for it (docs/quality.md).
     int channels, decoder_width;
 };
 
@@ -83,7 +83,7 @@ PresetPlan planFor(const TrainOptions& options) {
     PresetPlan plan = planOf(options.preset.value_or(Preset::standard));
     // At large voxels the network is a fifth of the time, and rays are worth more than its width.
     constexpr double kShort = 90;
-    if (!options.preset && options.time_s && *options.time_s <= kShort)
+    if (!options.preset && options.steps.empty() && options.time_s && *options.time_s <= kShort)
         plan.decoder_width = planOf(Preset::fast).decoder_width;
     return plan;
 }

@@ -29,7 +29,8 @@ Decoder::Decoder(int channels, std::uint64_t seed, int width)
 
 void Decoder::forward(int n, const float* features, const float* direction, const float* transmittance, float* rgb,
                       Workspace& work, const std::int32_t* rows) const {
-    if (work.activations.stride < n || work.activations.offsets.size() != shape_.widths.size()) {
+    if (work.activations.stride < n || work.shape != shape_) {
+        work.shape = shape_;
         work.activations.resize(shape_, n);
         work.gradients.resize(shape_, n);
         work.rgb.assign(std::size_t{3} * work.activations.stride, 0.0f);

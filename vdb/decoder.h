@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // From what a ray gathered to a colour, once per ray ("deferred decoding"):
-//   rgb = sigmoid(F[0..2] + MLP(F, Y(direction), A))     F = sum_i w_i f_i / A,  Y = spherical harmonics, degree < 4
-//   C   = A rgb + (1 - A) background                      A = 1 - T_end
+//   rgb = sigmoid(F[0..2] + MLP(F, Y(direction), A))     F = sum_i w_i f_i / W,  Y = spherical harmonics, degree < 4
+//   C   = A rgb + (1 - A) background                      A = 1 - T_end,  W = sum_i w_i of what was kept
 // F is a mean, so that a surface has the same colour where a pixel sees only a part of it; A tells the network where
 // that is so, since sRGB values of what is thinner than a pixel do not mix as light does.
 // A part that can be exchanged: nothing else knows how features become colour.
@@ -33,6 +33,7 @@ public:
 
     /// Working memory of one batch; one per thread.
     struct Workspace {
+        MlpShape shape;  // that it has room for
         MlpActivations activations, gradients;
         std::vector<float> rgb;  // [3][stride]
     };

@@ -42,7 +42,7 @@ constexpr std::int32_t kFormat = 2;
 constexpr const char* kBytesType = "nerfvdb_bytes";
 // The name that tells a model from other files; it stands near the start of every model.
 constexpr const char* kMark = "nerfvdb_cells";
-constexpr int kMaxDims = 1 << 16, kMaxChannels = 256;
+constexpr int kMaxDims = 1 << 16;
 
 static_assert(std::endian::native == std::endian::little, "weights are written as they lie in memory");
 
@@ -124,7 +124,7 @@ void checkModel(const Model& model) {
     if (!(field.densityScale() > 0) || !std::isfinite(sigmaFromRaw(kMaxRaw, field.densityScale())))
         throw NumericError("model", "density scale " + std::to_string(field.densityScale()),
                            "a positive number that leaves sigma finite");
-    if (field.channels() != model.decoder.channels() || field.channels() > kMaxChannels)
+    if (field.channels() != model.decoder.channels())
         throw UsageError("model", std::to_string(field.channels()) + " features a voxel",
                          std::to_string(model.decoder.channels()) + " as the decoder reads");
     if (!allFinite(model.decoder.parameters()) || !model.background.allFinite())
@@ -229,8 +229,8 @@ VoxelField loadField(const Facts& facts) {
     frame.origin = Vec3d(origin.x(), origin.y(), origin.z());
     frame.voxel_size = positive(facts, "nerfvdb_voxel_size");
     const int channels = facts.get<std::int32_t>("nerfvdb_channels");
-    if (channels < 3 || channels > kMaxChannels)
-        throw DataError(facts.where("nerfvdb_channels"), std::to_string(channels), "3 to 256");
+    if (channels != 4 && channels != 8 && channels != 16)
+        throw DataError(facts.where("nerfvdb_channels"), std::to_string(channels), "4, 8 or 16");
     VoxelField field(decodeTopology(gridDims(facts), facts.bytes("nerfvdb_cells"), facts.where("nerfvdb_cells")),
                      frame, channels, positive(facts, "nerfvdb_density_scale"));
     decodeValues(facts.bytes("nerfvdb_values"), facts.where("nerfvdb_values"), field);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// model.vdb: a standard .vdb file that other programs open (float grid "density", fog volume, 1 / world unit),
-// in which the learned values travel exactly: compact features, raw densities, network weights.
+// model.vdb: a standard .vdb file that other programs open (float grid "density", fog volume, 1 / world unit, a preview
+// at half the resolution), in which the learned values travel: raw densities and features, rounded as value_steps.h
+// says, and network weights, exactly.
 // Layout and version: see model_file.cpp.
 #pragma once
 

@@ -13,7 +13,6 @@
 namespace nerfvdb {
 namespace {
 
-constexpr int kFinestDensityExponent = -10;
 constexpr int kFinestExponent = -16, kCoarsestExponent = -4;
 
 // What a sample stops is alpha = 1 - exp(-exp(raw)); its slope by raw is largest where the optical depth is 1.
@@ -146,7 +145,7 @@ StepExponents chooseSteps(const Model& model) {
     const double colour_error = allowedColourError(model.info.train_psnr);
     const std::vector<double> slopes = colourSlopes(model);
     StepExponents steps(channels + 1);
-    steps[0] = std::clamp(exponentFor(colour_error, kSteepestAlpha), kFinestDensityExponent, kCoarsestExponent);
+    steps[0] = std::min(exponentFor(colour_error, kSteepestAlpha), kCoarsestExponent);
     for (int k = 1; k <= channels; ++k) {
         const int wanted = std::clamp(exponentFor(colour_error / std::sqrt(channels), slopes[k - 1]), kFinestExponent,
                                       kCoarsestExponent);

@@ -69,6 +69,33 @@ TEST_CASE("a checkpoint that is loaded and saved again repeats the file") {
     CHECK(readFile(dir / "a.ckpt") == readFile(dir / "b.ckpt"));
 }
 
+TEST_CASE("a preset decides how much a voxel and the network hold, and a checkpoint keeps it") {
+    struct Case {
+        std::optional<Preset> preset;
+        std::optional<double> time_s;
+        bool with_steps;
+        int channels, width;
+    };
+    for (const Case& c : {Case{Preset::fast, {}, true, 8, 64}, {Preset::standard, {}, true, 8, 128},
+                          {Preset::best, {}, true, 16, 256}, {{}, {}, true, 8, 128}, {{}, 20.0, false, 8, 64},
+                          {{}, 20.0, true, 8, 128}, {{}, 200.0, false, 8, 128}, {Preset::best, 20.0, false, 16, 256}}) {
+        const TempDir dir;
+        StopAfter report(2);
+        TrainOptions options = shortRun();
+        options.preset = c.preset;
+        options.time_s = c.time_s;
+        if (!c.with_steps) options.steps.clear();
+        train(sphere(), options, report, {}, dir / "a.ckpt");
+        TrainState state;
+        TrainPlace place;
+        loadCheckpoint(dir / "a.ckpt", state, place);
+        CHECK(state.field.channels() == c.channels);
+        CHECK(state.decoder.width() == c.width);
+        saveCheckpoint(dir / "b.ckpt", state, place);
+        CHECK(readFile(dir / "a.ckpt") == readFile(dir / "b.ckpt"));
+    }
+}
+
 TEST_CASE("training that was stopped and resumed, anywhere, gives the same files as training straight on", "[slow]") {
     const TempDir dir;
     Report silent;

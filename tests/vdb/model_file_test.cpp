@@ -59,7 +59,8 @@ using Catch::Matchers::Contains;
 TEST_CASE("a model comes back as it was rounded, and saves to the same bytes again") {
     const TempDir folder;
     const float scale = GENERATE(1e-3f, 1.0f, 3e5f);
-    const Model model = shellModel(48, 8, scale);
+    Model model = shellModel(48, 8, scale);
+    model.decoder = Decoder(8, 5, scale == 1 ? 64 : kDecoderWidth);  // the width travels too
     saveModel(model, folder / "a.vdb");
     const Model loaded = loadModel(folder / "a.vdb");
     saveModel(loaded, folder / "b.vdb");
@@ -303,11 +304,17 @@ TEST_CASE("what is not a model is told apart") {
     openvdb::io::File((folder / "again.vdb").string()).write(*in.getGrids(), *in.getMetadata());
     CHECK_THAT(messageOf(folder / "again.vdb"), Contains("written anew"));
 
-    // A model of a later version: intact, but not for this program.
-    openvdb::MetaMap later(*in.getMetadata());
-    later.insertMeta("nerfvdb_format", openvdb::Int32Metadata(3));
-    writeVdb(folder / "later.vdb", {foreignGrid()}, later);
-    CHECK_THAT(messageOf(folder / "later.vdb"), Contains("nerfvdb_format") && Contains("newer"));
+    // A model of another version: intact, but not for this program. And one whose network cannot be.
+    const auto messageWith = [&](const char* name, int value) {
+        openvdb::MetaMap facts(*in.getMetadata());
+        facts.insertMeta(name, openvdb::Int32Metadata(value));
+        writeVdb(folder / "other.vdb", {foreignGrid()}, facts);
+        return messageOf(folder / "other.vdb");
+    };
+    CHECK_THAT(messageWith("nerfvdb_format", 3), Contains("nerfvdb_format") && Contains("newer"));
+    CHECK_THAT(messageWith("nerfvdb_format", 1), Contains("nerfvdb_format") && Contains("older"));
+    for (const int width : {-1, 0, 1025}) CHECK_THAT(messageWith("nerfvdb_decoder_width", width), Contains("1 to 1024"));
+    CHECK_THAT(messageWith("nerfvdb_channels", 5), Contains("nerfvdb_channels") && Contains("4, 8 or 16"));
 }
 
 TEST_CASE("sealed models with parts that do not fit are refused") {
