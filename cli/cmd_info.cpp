@@ -37,8 +37,8 @@ void describeModel(const InfoWords& words) {
     std::string grids_text;
     for (const GridFacts& grid : listGrids(words.path)) {
         grids.push_back({{"name", grid.name}, {"type", grid.type}, {"active_voxels", grid.active_voxels}});
-        grids_text += formatted("grid %s: %s, %zu active voxels, a preview at half the resolution\n", grid.name.c_str(), grid.type.c_str(),
-                                grid.active_voxels);
+        grids_text += formatted("grid %s: %s, %zu active voxels (a preview, half the resolution)\n", grid.name.c_str(),
+                                grid.type.c_str(), grid.active_voxels);
     }
 
     const Json json = {{"command", "info"},

@@ -131,7 +131,7 @@ TEST_CASE("bench skip: not skipping costs samples and leaves pictures as they we
     CHECK(result.median(rowOf(result, "training", "rays that meet nothing"), "slowdown") > 0);
     CHECK(rowOf(result, "training", "empty leaves").cells[result.column("psnr_with")].empty());
     const BenchRow& unseen = rowOf(result, "whole training", "voxels that no view sees");
-    CHECK(result.median(unseen, "psnr_with") > 20);
+    CHECK(result.median(unseen, "psnr_with") > 12);
     CHECK(std::abs(result.median(unseen, "psnr_with") - result.median(unseen, "psnr_without")) < 3);
     CHECK(result.figures[0].second < result.figures[1].second);  // inside the sphere nothing is seen
 }

@@ -223,7 +223,7 @@ test_story() {
     has_keys out grids active_voxels leaves resolution bounds voxel_size memory_bytes
     says out '"name": "density"'
     expect 0 info model.vdb
-    grep -qE '^grid density: float, [1-9][0-9]* active voxels$' out || fail "no grid: $(cat out)"
+    grep -qE '^grid density: float, [1-9][0-9]* active voxels \(a preview, half the resolution\)$' out || fail "no grid: $(cat out)"
 
     expect 0 render model.vdb --orbit 2 --width 32 --height 24 --out orbit --depth --opacity --normals
     [[ $(find orbit -name '000[01].*' | wc -l) -eq 14 ]] || fail "render wrote: $(ls orbit)"
