@@ -4,7 +4,9 @@
 
 #include <cstdint>
 #include <string>
+#include <vector>
 
+#include "core/camera.h"
 #include "core/types.h"
 #include "vdb/decoder.h"
 #include "vdb/voxel_field.h"
@@ -19,11 +21,19 @@ struct ModelInfo {
     double train_psnr = 0;      // running mean at the end, dB
 };
 
+/// A place from which the scene was photographed. Exports are judged from there, and artists line up their plates.
+struct ModelCamera {
+    std::string name;       // of the photograph, relative to its data set
+    Camera camera;
+    bool held_out = false;  // not trained on
+};
+
 struct Model {
     VoxelField field;
     Decoder decoder;
     Vec3f background = Vec3f::Ones();  // sRGB values behind the scene
     ModelInfo info;
+    std::vector<ModelCamera> cameras;  // in the data set's order, held-out ones last; empty if nobody told
 };
 
 }  // namespace nerfvdb
