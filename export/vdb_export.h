@@ -4,41 +4,64 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "core/report.h"
+#include "core/similarity.h"
 #include "core/types.h"
+#include "export/volume_loss.h"
 #include "vdb/model.h"
 
 namespace nerfvdb {
 
 struct ExportVdbOptions {
-    enum class Color { none, diffuse };
+    enum class Color {
+        none,
+        mean,     // what each voxel's features decode to, averaged over all directions (decodeColors)
+        diffuse,  // as the training views saw each voxel (collectColors); `mean` for a model that names no cameras
+    };
     Color color = Color::diffuse;
-    /// Voxels whose alpha over one voxel edge is below are left out. Haze is made of many such voxels: the report
-    /// says how much opacity that takes away at most.
-    double min_alpha = 1e-3;
-    bool half = true;  // 16-bit floats where they can say every value, else 32
+    std::string color_name = "color";
+    /// Voxels whose alpha over one voxel edge is below are left out. Absent: 1e-3 for a model that names no cameras;
+    /// else 1e-5, and what no camera sees is left out, too (see collectColors).
+    std::optional<double> min_alpha;
+    int fit_steps = 1000;             // of VolumeFit; 0: none. Needs cameras and colour
+    double max_resolution = 0;        // voxels along the longest side of what is written; 0: as the model
+    double max_voxels = 0;            // active voxels; 0: no limit
+    std::optional<Box> bounds;        // only what lies inside, world units of the model
+    Similarity placement;             // from the model's world to that of the file
+    int tiles = 1;                    // files, slabs along the longest side, on the same voxels
+    bool half = true;                 // 16-bit floats where they can say every value, else 32
 };
 
 /// What was written, and what a plain volume cannot say.
 struct ExportVdbReport {
-    std::size_t active_voxels = 0;   // of "density"
-    std::size_t left_out = 0;        // voxels of the model below min_alpha
-    double lost_opacity = 0;         // largest opacity that these summed to along a line parallel to an axis
-    Box bounds;                      // of the active voxels, world units
-    std::size_t bytes = 0;           // of the file
+    struct File {
+        std::filesystem::path path;
+        std::size_t active_voxels = 0, bytes = 0;
+    };
+    std::vector<File> files;
+    std::size_t active_voxels = 0;   // of "density", of all files
+    std::size_t left_out = 0;        // voxels that stop light, but show to nobody
+    std::size_t bytes = 0;
+    double voxel_size = 0;           // world units of the file
+    Box bounds;                      // of the active voxels, before they are turned (Volume::worldFromGrid)
+    Vec3i box_voxels = Vec3i::Zero();  // of these bounds, what programs make dense
     bool half = false;               // density is stored as half
-    std::vector<std::string> lost;   // one sentence each
+    bool has_view_colors = false;    // colours are as the training views saw them
+    std::optional<VolumeLoss> loss;  // on held-out views, else on training views; absent if the model names none
 };
 
-/// Writes a .vdb of standard grids, fit for any program:
-///   "density"  FloatGrid, fog volume, 1 / world unit; capped where one voxel is opaque (volumeSigma)
-///   "color"    Vec3SGrid, linear RGB (Rec. 709 primaries), the mean over all directions; also one voxel beyond the
-///              density where the model has values, so that interpolation does not darken the border
-/// The background of both is zero; their transform maps integer index coordinates to world positions.
-/// Equal models give equal bytes. Throws IoError (the file at `path` is then untouched) and UsageError.
-ExportVdbReport exportVdb(const Model& model, const std::filesystem::path& path,
-                          const ExportVdbOptions& options = {});
+/// Writes `path`, or for several tiles NAME.000.vdb, NAME.001.vdb, ... beside it: see writeVolume for the grids.
+/// Equal models and options give equal bytes, on any number of threads.
+/// Throws IoError (files that stood there are then untouched), UsageError, DataError (nothing within the bounds),
+/// Interrupted.
+ExportVdbReport exportVdb(const Model& model, const std::filesystem::path& path, const ExportVdbOptions& options,
+                          Report& report);
+
+/// The files that exportVdb writes.
+std::vector<std::filesystem::path> exportPaths(const std::filesystem::path& path, int tiles);
 
 }  // namespace nerfvdb

@@ -6,31 +6,10 @@
 #include <cmath>
 
 #include "core/parallel.h"
+#include "vdb/leaf_cells.h"
 
 namespace nerfvdb {
 namespace {
-
-constexpr std::uint64_t kFirstZ = 0x0101010101010101ull;  // bits with z == 0
-
-/// Bit of cell p set if bit p or bit p + 1 along z is set in `mask`, where `next` is the upper neighbour.
-LeafMask orDownZ(const LeafMask& mask, const LeafMask& next) {
-    LeafMask out;
-    for (int x = 0; x < kLeafWords; ++x)
-        out[x] = mask[x] | (mask[x] >> 1 & ~(kFirstZ << 7)) | (next[x] & kFirstZ) << 7;
-    return out;
-}
-
-LeafMask orDownY(const LeafMask& mask, const LeafMask& next) {
-    LeafMask out;
-    for (int x = 0; x < kLeafWords; ++x) out[x] = mask[x] | mask[x] >> 8 | next[x] << 56;
-    return out;
-}
-
-LeafMask orDownX(const LeafMask& mask, const LeafMask& next) {
-    LeafMask out;
-    for (int x = 0; x < kLeafWords; ++x) out[x] = mask[x] | (x + 1 < kLeafWords ? mask[x + 1] : next[0]);
-    return out;
-}
 
 /// Chebyshev distance, in leaves, to the nearest leaf that is set; two sweeps over half of the 26 neighbours
 /// are exact for this metric (Rosenfeld and Pfaltz 1968, "Distance functions on digital pictures").
@@ -123,22 +102,26 @@ Occupancy findOccupied(const VoxelField& field, float min_alpha) {
         for (std::size_t leaf = first; leaf < last; ++leaf) {
             const std::int32_t* const upper = &topology.upperNeighbours()[leaf * 8];
             // Where a neighbour is absent the leaf stands in for itself; the final mask removes what it adds.
-            LeafMask along_z[4], along_y[2];
-            for (int n = 0; n < 4; ++n) along_z[n] = orDownZ(dense[upper[2 * n]], dense[upper[2 * n + 1]]);
-            for (int n = 0; n < 2; ++n) along_y[n] = orDownY(along_z[2 * n], along_z[2 * n + 1]);
-            const LeafMask any = orDownX(along_y[0], along_y[1]);
+            std::array<LeafMask, 8> voxels;
+            for (int n = 0; n < 8; ++n) voxels[n] = dense[upper[n]];
+            const LeafMask any = cellsWithCorner(voxels);
             for (int word = 0; word < kLeafWords; ++word) cells[leaf][word] = any[word] & topology.cells()[leaf][word];
         }
     });
     return occupancyFromCells(topology, std::move(cells));
 }
 
-Bricks bricksOf(const VoxelField& field, const Occupancy& occupancy) {
+Bricks bricksOf(const Topology& topology, const Occupancy& occupancy) {
     Bricks bricks;
     bricks.skip_table = occupancy.skip_table.data();
     for (int axis = 0; axis < 3; ++axis) bricks.table_dims[axis] = occupancy.table_dims[axis];
-    bricks.upper_neighbours = field.topology().upperNeighbours().data();
+    bricks.upper_neighbours = topology.upperNeighbours().data();
     bricks.occupied = occupancy.cells.empty() ? nullptr : occupancy.cells.front().data();
+    return bricks;
+}
+
+Bricks bricksOf(const VoxelField& field, const Occupancy& occupancy) {
+    Bricks bricks = bricksOf(field.topology(), occupancy);
     bricks.density = field.density().data();
     bricks.features = field.features().data();
     bricks.channels = field.channels();

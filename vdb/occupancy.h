@@ -32,5 +32,7 @@ Occupancy occupancyFromCells(const Topology& topology, std::vector<LeafMask> cel
 
 /// The kernels' view of a field and its occupied cells; borrows both.
 Bricks bricksOf(const VoxelField& field, const Occupancy& occupancy);
+/// The same of a topology; values are left to the caller.
+Bricks bricksOf(const Topology& topology, const Occupancy& occupancy);
 
 }  // namespace nerfvdb

@@ -13,7 +13,16 @@ constexpr int kSamplesPerRound = 8;  // a ray that turns opaque has looked at mo
 
 TraceScene::TraceScene(const VoxelField& field, const Occupancy& occupancy)
     : bricks(bricksOf(field, occupancy)), frame(field.frame()),
-      box_max((field.topology().dims() - Vec3i::Ones()).cast<double>()), density_scale(field.densityScale()) {}
+      box_max((field.topology().dims() - Vec3i::Ones()).cast<double>()), density_scale(field.densityScale()),
+      holds_sigma(false) {}
+
+TraceScene::TraceScene(const Volume& volume, const Occupancy& occupancy)
+    : bricks(bricksOf(volume.topology(), occupancy)), frame(volume.frame()),
+      box_max((volume.topology().dims() - Vec3i::Ones()).cast<double>()), density_scale(1), holds_sigma(true) {
+    bricks.density = volume.sigma().data();
+    bricks.features = volume.color().data();
+    bricks.channels = Volume::kChannels;
+}
 
 TraceCounters& TraceCounters::operator+=(const TraceCounters& other) {
     rays += other.rays;
@@ -70,7 +79,7 @@ void RayTracer::addRay(const TraceScene& scene, const Ray& ray, float step_voxel
 
 void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, KeptSamples& kept) {
     const int channels = scene.bricks.channels;
-    const float tau_scale =
+    tau_scale_ =
         static_cast<float>(scene.density_scale * scene.frame.voxel_size * static_cast<double>(options.step_voxels));
     const RayTile rays{n_rays_, ox_.data(), oy_.data(), oz_.data(), dx_.data(), dy_.data(), dz_.data(),
                        length_.data(), offset_.data(), next_.data()};
@@ -88,8 +97,11 @@ void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, Kept
     for (bool first_round = true; n_alive > 0; first_round = false) {
         const int n = simd::marchRays(scene.bricks, rays, options.step_voxels, kSamplesPerRound, alive_.data(),
                                       n_alive, begin_.data(), samples);
-        simd::densityForward(scene.bricks, n, samples, kMaxRaw, tau_scale, raw_.data(), tau_.data(), alpha_.data(),
-                             decay_.data());
+        if (scene.holds_sigma)
+            simd::sigmaForward(scene.bricks, n, samples, tau_scale_, tau_.data(), alpha_.data(), decay_.data());
+        else
+            simd::densityForward(scene.bricks, n, samples, kMaxRaw, tau_scale_, raw_.data(), tau_.data(),
+                                 alpha_.data(), decay_.data());
         counters_.samples_density += static_cast<std::uint64_t>(n);
         kept.reserve(static_cast<std::size_t>(kept.n) + static_cast<std::size_t>(n));
 
@@ -137,10 +149,11 @@ void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, Kept
 
 void RayTracer::averageFeatures(int channels, const KeptSamples& kept) {
     // The sum over the kept samples, not 1 - T: what was dropped has opacity, but no features.
-    inverse_weight_.assign(static_cast<std::size_t>(n_rays_), 0.0f);
-    for (int i = 0; i < kept.n; ++i) inverse_weight_[kept.ray[i]] += kept.weight[i];
+    weight_.assign(static_cast<std::size_t>(n_rays_), 0.0f);
+    inverse_weight_.resize(static_cast<std::size_t>(n_rays_));
+    for (int i = 0; i < kept.n; ++i) weight_[kept.ray[i]] += kept.weight[i];
     for (int r = 0; r < n_rays_; ++r) {
-        inverse_weight_[r] = inverse_weight_[r] > 0 ? 1 / inverse_weight_[r] : 0.0f;
+        inverse_weight_[r] = weight_[r] > 0 ? 1 / weight_[r] : 0.0f;
         float* const features = &ray_features_[static_cast<std::size_t>(r) * channels];
         for (int c = 0; c < channels; ++c) features[c] *= inverse_weight_[r];
     }
@@ -180,7 +193,7 @@ void RayTracer::traceBackward(const TraceScene& scene, float* dl_dray_features, 
     for (int r = 0; r < n_rays_; ++r) behind_.emplace_back(transmittance_[r], dl_dtransmittance[r]);
     for (int i = kept.n; i-- > 0;) {
         const float dl_dtau = behind_[kept.ray[i]].add(kept.weight[i], kept.transmittance[i], slope_[i]);
-        kept.dl_draw[i] = kept.tau[i] * dl_dtau;  // d tau / d raw = tau
+        kept.dl_draw[i] = (scene.holds_sigma ? tau_scale_ : kept.tau[i]) * dl_dtau;  // d tau / d raw = tau
     }
 }
 

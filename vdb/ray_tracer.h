@@ -16,6 +16,7 @@
 #include "core/distortion.h"
 #include "core/simd/kernels.h"
 #include "vdb/occupancy.h"
+#include "vdb/volume.h"
 #include "vdb/voxel_field.h"
 
 namespace nerfvdb {
@@ -28,13 +29,16 @@ struct TraceOptions {
     bool skip_unlit = true;            // rays that meet nothing are not decoded
 };
 
-/// A field and its occupied cells, ready to be traced. Borrows both.
+/// A field, or a plain volume, and its occupied cells, ready to be traced. Borrows both.
 struct TraceScene {
     TraceScene(const VoxelField& field, const Occupancy& occupancy);
+    /// Rays are in the volume's own frame (Volume::world_from_grid is left to the caller); features are colours.
+    TraceScene(const Volume& volume, const Occupancy& occupancy);
     Bricks bricks;
     GridFrame frame;
     Vec3d box_max;        // index space; the box begins at 0
     double density_scale;
+    bool holds_sigma;     // the bricks hold sigma itself, not its logarithm
 };
 
 /// What tracing cost.
@@ -54,7 +58,7 @@ struct KeptSamples {
     std::vector<float> x, y, z, t;          // as in SampleArrays
     std::vector<float> weight, tau;
     std::vector<float> transmittance;       // behind the sample, T_{i+1}
-    std::vector<float> dl_draw;             // filled by traceBackward
+    std::vector<float> dl_draw;             // of raw density, or of sigma; filled by traceBackward
 
     void reserve(std::size_t size);         // makes room, keeps contents
     SampleArrays arrays() { return {leaf.data(), cell.data(), x.data(), y.data(), z.data(), t.data()}; }
@@ -75,7 +79,7 @@ public:
     /// Traces the tile; fills `kept`, transmittance() and rayFeatures().
     void trace(const TraceScene& scene, const TraceOptions& options, KeptSamples& kept);
 
-    /// Gradient of the kept samples' raw densities (kept.dl_draw), given dl_dF [ray][channels] and dl_dT_end [ray]:
+    /// Gradient of the kept samples' interpolated densities (kept.dl_draw), given dl_dF [ray][channels] and dl_dT_end [ray]:
     /// CompositeRayBackward with dl_dw_i = (f_i - F) . dl_dF / W + dl_dD dD_dw_i, where D is the ray's distortion,
     /// distances in the box's longest side. The gradient of features is linear and left to leaf_scatter.h:
     /// dl_df_i = w_i (dl_dF / W). For it, dl_dray_features holds dl_dF / W afterwards.
@@ -88,6 +92,7 @@ public:
     const std::vector<std::int32_t>& litRays() const { return lit_; }
     const float* transmittance() const { return transmittance_.data(); }  // [ray] T_end
     float* rayFeatures() { return ray_features_.data(); }                 // [ray][channels] F, 0 if nothing was kept
+    const float* weight() const { return weight_.data(); }                // [ray] W
     const float* directions() const { return directions_.data(); }        // [ray][3] unit, world
     /// Distance from the camera to the ray's entry into the box, voxels; add KeptSamples::t. [ray]
     const float* entry() const { return entry_.data(); }
@@ -102,13 +107,14 @@ private:
     int n_rays_ = 0;
     std::vector<float> ox_, oy_, oz_, dx_, dy_, dz_, length_, offset_, entry_, directions_;
     std::vector<std::int32_t> next_, alive_, begin_, lit_;
-    std::vector<float> transmittance_, dropped_, ray_features_, inverse_weight_;
+    std::vector<float> transmittance_, dropped_, ray_features_, weight_, inverse_weight_;
     std::vector<std::int32_t> leaf_, cell_;
     std::vector<float> x_, y_, z_, t_, raw_, tau_, alpha_, decay_;
     std::vector<float> features_, slope_, mean_slope_;
     std::vector<CompositeRayBackward> behind_;
     std::vector<DistortionRay> spread_;
     std::vector<DistortionRayBackward> spread_backward_;
+    float tau_scale_ = 0;  // tau per sigma
     double distortion_ = 0;
     TraceCounters counters_;
 };

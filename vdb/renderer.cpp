@@ -4,38 +4,27 @@
 #include <algorithm>
 #include <utility>
 
-#include "core/error.h"
 #include "core/parallel.h"
 
 namespace nerfvdb {
 namespace {
 
-constexpr int kTile = 16;  // pixels along a tile's edge; neighbouring rays share leaves
-
-/// What one thread needs to trace a tile.
 struct Worker {
-    RayTracer tracer{kTile * kTile};
-    KeptSamples kept;
     Decoder::Workspace decoding;
-    std::vector<float> rgb = std::vector<float>(3 * kTile * kTile);
-    std::vector<float> depth = std::vector<float>(kTile * kTile), weight = std::vector<float>(kTile * kTile);
-    std::vector<Vec3f> slope = std::vector<Vec3f>(kTile * kTile);
+    std::vector<float> features, rgb;  // of lit rays, side by side; only without view-dependence
 };
 
-/// Slope of the interpolated raw density at a sample, per voxel: the derivative of the trilinear polynomial.
-Vec3f rawSlope(const Bricks& bricks, const KeptSamples& kept, int i) {
-    const float f[3] = {kept.x[i], kept.y[i], kept.z[i]};
-    Vec3f slope = Vec3f::Zero();
-    for (int corner = 0; corner < 8; ++corner) {
-        const int bit[3] = {corner >> 2 & 1, corner >> 1 & 1, corner & 1};
-        const float raw = bricks.density[cornerIndex(bricks, kept.leaf[i], kept.cell[i], corner)];
-        for (int axis = 0; axis < 3; ++axis) {
-            const int b = (axis + 1) % 3, c = (axis + 2) % 3;
-            const float weight = (bit[b] ? f[b] : 1 - f[b]) * (bit[c] ? f[c] : 1 - f[c]);
-            slope[axis] += (bit[axis] ? weight : -weight) * raw;
-        }
-    }
-    return slope;
+/// Colours of the lit rays, averaged over directions.
+void decodeDiffuse(const Decoder& decoder, RayTracer& tracer, float* rgb, Worker& worker) {
+    const std::vector<std::int32_t>& lit = tracer.litRays();
+    const auto channels = static_cast<std::size_t>(decoder.channels());
+    worker.features.resize(lit.size() * channels);
+    worker.rgb.resize(lit.size() * 3);
+    for (std::size_t i = 0; i < lit.size(); ++i)
+        std::copy_n(tracer.rayFeatures() + static_cast<std::size_t>(lit[i]) * channels, channels,
+                    &worker.features[i * channels]);
+    decoder.diffuse(static_cast<int>(lit.size()), worker.features.data(), worker.rgb.data());
+    for (std::size_t i = 0; i < lit.size(); ++i) std::copy_n(&worker.rgb[3 * i], 3, rgb + 3 * lit[i]);
 }
 
 }  // namespace
@@ -47,69 +36,22 @@ Renderer::Renderer(const Model& model, const RenderOptions& options, Occupancy o
     : model_(model), options_(options), occupancy_(std::move(occupancy)) {}
 
 RenderedImage Renderer::render(const Camera& camera) const {
-    const std::string problem = cameraProblem(camera);
-    if (!problem.empty()) throw DataError("camera: " + problem);
-
-    const int width = camera.width, height = camera.height;
-    RenderedImage result;
-    result.rgb = Image(width, height, 3);
-    result.opacity = Image(width, height, 1);
-    result.depth = Image(width, height, 1);
-    if (options_.normals) result.normal = Image(width, height, 3);
-
-    const TraceScene scene(model_.field, occupancy_);
-    const float voxel_size = static_cast<float>(scene.frame.voxel_size);
-    const int tiles_x = (width + kTile - 1) / kTile, tiles_y = (height + kTile - 1) / kTile;
     PerThread<Worker> workers;
-    parallelFor(static_cast<std::size_t>(tiles_x) * tiles_y, [&](std::size_t tile) {
+    const auto shade = [&](RayTracer& tracer, float* rgb) {
         Worker& worker = workers.local();
-        RayTracer& tracer = worker.tracer;
-        const int x0 = static_cast<int>(tile) % tiles_x * kTile, y0 = static_cast<int>(tile) / tiles_x * kTile;
-        const int x1 = std::min(x0 + kTile, width), y1 = std::min(y0 + kTile, height);
-        tracer.clear();
-        for (int y = y0; y < y1; ++y)
-            for (int x = x0; x < x1; ++x)
-                tracer.addRay(scene, cameraRay(camera, x + 0.5, y + 0.5), options_.trace.step_voxels, 0.5f);
-        tracer.trace(scene, options_.trace, worker.kept);
         const std::vector<std::int32_t>& lit = tracer.litRays();
-        // Of other rays nothing must stay from the tile before: zero times NaN is NaN.
-        std::fill(worker.rgb.begin(), worker.rgb.end(), 0.0f);
-        model_.decoder.forward(static_cast<int>(lit.size()), tracer.rayFeatures(), tracer.directions(),
-                               tracer.transmittance(), worker.rgb.data(), worker.decoding, lit.data());
-
-        const KeptSamples& kept = worker.kept;
-        // The mean over kept samples: what was dropped has opacity, but no place.
-        std::fill(worker.depth.begin(), worker.depth.end(), 0.0f);
-        std::fill(worker.weight.begin(), worker.weight.end(), 0.0f);
-        for (int i = 0; i < kept.n; ++i) {
-            worker.depth[kept.ray[i]] += kept.weight[i] * (kept.t[i] + tracer.entry()[kept.ray[i]]);
-            worker.weight[kept.ray[i]] += kept.weight[i];
+        if (options_.view_dependent)
+            model_.decoder.forward(static_cast<int>(lit.size()), tracer.rayFeatures(), tracer.directions(),
+                                   tracer.transmittance(), rgb, worker.decoding, lit.data());
+        else
+            decodeDiffuse(model_.decoder, tracer, rgb, worker);
+        for (int r = 0; r < tracer.rayCount(); ++r) {
+            const float opacity = 1 - tracer.transmittance()[r];
+            for (int c = 0; c < 3; ++c)
+                rgb[3 * r + c] = opacity * rgb[3 * r + c] + (1 - opacity) * model_.background[c];
         }
-        if (options_.normals) {
-            std::fill(worker.slope.begin(), worker.slope.end(), Vec3f::Zero());
-            for (int i = 0; i < kept.n; ++i)
-                worker.slope[kept.ray[i]] -= kept.weight[i] * rawSlope(scene.bricks, kept, i).normalized();
-        }
-
-        int r = 0;
-        for (int y = y0; y < y1; ++y)
-            for (int x = x0; x < x1; ++x, ++r) {
-                const float opacity = 1 - tracer.transmittance()[r];
-                for (int c = 0; c < 3; ++c)
-                    result.rgb.at(x, y)[c] =
-                        opacity * worker.rgb[3 * r + c] + (1 - opacity) * model_.background[c];
-                *result.opacity.at(x, y) = opacity;
-                const float weight = worker.weight[r];
-                *result.depth.at(x, y) = weight > 0 ? worker.depth[r] / weight * voxel_size : 0.0f;
-                if (options_.normals) {
-                    const float length = worker.slope[r].norm();
-                    for (int c = 0; c < 3; ++c)
-                        result.normal.at(x, y)[c] = length > 0 ? worker.slope[r][c] / length : 0.0f;
-                }
-            }
-    });
-    for (const Worker& worker : workers) result.counters += worker.tracer.counters();
-    return result;
+    };
+    return renderPicture(TraceScene(model_.field, occupancy_), options_.trace, options_.normals, camera, shade);
 }
 
 }  // namespace nerfvdb

@@ -2,10 +2,8 @@
 // Pictures of a model: march -> density -> composite -> features -> decode, by tiles of rays, in parallel.
 #pragma once
 
-#include "core/camera.h"
-#include "core/image.h"
 #include "vdb/model.h"
-#include "vdb/ray_tracer.h"
+#include "vdb/picture.h"
 
 namespace nerfvdb {
 
@@ -14,14 +12,7 @@ struct RenderOptions {
     float min_alpha = 0;      // cells whose densest corner stops less light than this over one voxel are skipped;
                               // 0: none, training has left only those that matter
     bool normals = false;     // also the picture of normals (costs a density gradient per kept sample)
-};
-
-struct RenderedImage {
-    Image rgb;      // 3 channels, sRGB values over the model's background
-    Image opacity;  // 1 channel, 1 - transmittance
-    Image depth;    // 1 channel, distance along the ray averaged by weight, world units; 0 where nothing counts
-    Image normal;   // 3 channels in [-1, 1], world axes, averaged by weight, unit length; only with options.normals
-    TraceCounters counters;
+    bool view_dependent = true;  // false: colours are the mean over all directions (Decoder::diffuse)
 };
 
 /// A model made ready to render: its occupied cells for a given threshold. Keeps a reference to the model.

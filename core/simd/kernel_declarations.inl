@@ -14,6 +14,10 @@ int marchRays(const Bricks& bricks, const RayTile& rays, float step, int max_per
 void densityForward(const Bricks& bricks, int n, const SampleArrays& samples, float max_raw, float tau_scale,
                     float* raw, float* tau, float* alpha, float* decay);
 
+/// The same where the bricks hold sigma itself, nowhere negative: tau = sigma * tau_scale.
+void sigmaForward(const Bricks& bricks, int n, const SampleArrays& samples, float tau_scale, float* tau, float* alpha,
+                  float* decay);
+
 /// f_i = trilinear features of sample i; F[ray_i] += weight_i f_i.
 /// Shapes: features [n][channels], ray_features [rays][channels]. Sets the padding as densityForward.
 void featuresForward(const Bricks& bricks, int n, const SampleArrays& samples, const std::int32_t* ray,

@@ -24,7 +24,7 @@ struct Bricks {
     std::int32_t table_dims[3] = {0, 0, 0};    // leaves per axis
     const std::int32_t* upper_neighbours = nullptr;  // [leaf][8]
     const std::uint64_t* occupied = nullptr;         // [leaf][8] bits of occupied cells
-    const float* density = nullptr;                  // [leaf][512] raw
+    const float* density = nullptr;                  // [leaf][512] raw density; for sigmaForward, sigma
     const float* features = nullptr;                 // [leaf][512][channels]
     int channels = 0;                                // 4, 8 or 16
 };

@@ -13,6 +13,14 @@ float cornerWeight(float fx, float fy, float fz, int corner) {
     return (corner & 4 ? fx : 1 - fx) * (corner & 2 ? fy : 1 - fy) * (corner & 1 ? fz : 1 - fz);
 }
 
+float trilinearDensity(const Bricks& bricks, const SampleArrays& samples, int i) {
+    float sum = 0;
+    for (int corner = 0; corner < 8; ++corner)
+        sum += cornerWeight(samples.x[i], samples.y[i], samples.z[i], corner) *
+               bricks.density[cornerIndex(bricks, samples.leaf[i], samples.cell[i], corner)];
+    return sum;
+}
+
 }  // namespace
 
 int marchRays(const Bricks& bricks, const RayTile& rays, float step, int max_per_ray, const std::int32_t* alive,
@@ -61,12 +69,18 @@ void densityForward(const Bricks& bricks, int n, const SampleArrays& samples, fl
                     float* raw, float* tau, float* alpha, float* decay) {
     for (int i = n; i < n + kPadding; ++i) samples.leaf[i] = samples.cell[i] = 0;
     for (int i = 0; i < n; ++i) {
-        float sum = 0;
-        for (int corner = 0; corner < 8; ++corner)
-            sum += cornerWeight(samples.x[i], samples.y[i], samples.z[i], corner) *
-                   bricks.density[cornerIndex(bricks, samples.leaf[i], samples.cell[i], corner)];
-        raw[i] = sum;
-        tau[i] = std::exp(std::min(sum, max_raw)) * tau_scale;
+        raw[i] = trilinearDensity(bricks, samples, i);
+        tau[i] = std::exp(std::min(raw[i], max_raw)) * tau_scale;
+        alpha[i] = -std::expm1(-tau[i]);
+        decay[i] = std::exp(-tau[i]);
+    }
+}
+
+void sigmaForward(const Bricks& bricks, int n, const SampleArrays& samples, float tau_scale, float* tau, float* alpha,
+                  float* decay) {
+    for (int i = n; i < n + kPadding; ++i) samples.leaf[i] = samples.cell[i] = 0;
+    for (int i = 0; i < n; ++i) {
+        tau[i] = trilinearDensity(bricks, samples, i) * tau_scale;
         alpha[i] = -std::expm1(-tau[i]);
         decay[i] = std::exp(-tau[i]);
     }

@@ -171,27 +171,43 @@ HWY_INLINE void padSamples(const SampleArrays& samples, int n) {
     for (int i = n; i < n + kPadding; ++i) samples.leaf[i] = samples.cell[i] = 0;
 }
 
+HWY_INLINE FloatVec trilinearDensity(const Bricks& bricks, const SampleArrays& samples, int i) {
+    Corners corners;
+    loadCorners(bricks, samples, i, corners);
+    FloatVec sum = hn::Mul(corners.weight[0], hn::GatherIndex(kFloat, bricks.density, corners.index[0]));
+    for (int corner = 1; corner < 8; ++corner)
+        sum = hn::MulAdd(corners.weight[corner], hn::GatherIndex(kFloat, bricks.density, corners.index[corner]), sum);
+    return sum;
+}
+
+/// What an optical depth does to light: alpha = 1 - exp(-depth), decay = exp(-depth).
+HWY_INLINE void storeAbsorption(FloatVec depth, float* tau, float* alpha, float* decay) {
+    // Below exp(-87) the result is zero in single precision; above it expm1's own series is exact.
+    const FloatVec most = hn::Set(kFloat, 87.0f);
+    const FloatVec negative = hn::Neg(hn::Min(depth, most));
+    const auto is_opaque = hn::Gt(depth, most);
+    hn::StoreU(depth, kFloat, tau);
+    hn::StoreU(hn::Neg(hn::Expm1(kFloat, negative)), kFloat, alpha);
+    hn::StoreU(hn::IfThenZeroElse(is_opaque, hn::Exp(kFloat, negative)), kFloat, decay);
+}
+
 void densityForward(const Bricks& bricks, int n, const SampleArrays& samples, float max_raw, float tau_scale,
                     float* raw, float* tau, float* alpha, float* decay) {
     padSamples(samples, n);
-    // Below exp(-87) the result is zero in single precision; above it expm1's own series is exact.
-    const FloatVec most = hn::Set(kFloat, 87.0f);
     for (int i = 0; i < n; i += kLanes) {
-        Corners corners;
-        loadCorners(bricks, samples, i, corners);
-        FloatVec sum = hn::Mul(corners.weight[0], hn::GatherIndex(kFloat, bricks.density, corners.index[0]));
-        for (int corner = 1; corner < 8; ++corner)
-            sum = hn::MulAdd(corners.weight[corner], hn::GatherIndex(kFloat, bricks.density, corners.index[corner]),
-                             sum);
-        const FloatVec depth =
-            hn::Mul(hn::Exp(kFloat, hn::Min(sum, hn::Set(kFloat, max_raw))), hn::Set(kFloat, tau_scale));
-        const FloatVec negative = hn::Neg(hn::Min(depth, most));
-        const auto is_opaque = hn::Gt(depth, most);
-        hn::StoreU(sum, kFloat, raw + i);
-        hn::StoreU(depth, kFloat, tau + i);
-        hn::StoreU(hn::Neg(hn::Expm1(kFloat, negative)), kFloat, alpha + i);
-        hn::StoreU(hn::IfThenZeroElse(is_opaque, hn::Exp(kFloat, negative)), kFloat, decay + i);
+        const FloatVec value = trilinearDensity(bricks, samples, i);
+        hn::StoreU(value, kFloat, raw + i);
+        const FloatVec sigma = hn::Exp(kFloat, hn::Min(value, hn::Set(kFloat, max_raw)));
+        storeAbsorption(hn::Mul(sigma, hn::Set(kFloat, tau_scale)), tau + i, alpha + i, decay + i);
     }
+}
+
+void sigmaForward(const Bricks& bricks, int n, const SampleArrays& samples, float tau_scale, float* tau, float* alpha,
+                  float* decay) {
+    padSamples(samples, n);
+    for (int i = 0; i < n; i += kLanes)
+        storeAbsorption(hn::Mul(trilinearDensity(bricks, samples, i), hn::Set(kFloat, tau_scale)), tau + i, alpha + i,
+                        decay + i);
 }
 
 template <int kChannels>
@@ -279,6 +295,7 @@ HWY_AFTER_NAMESPACE();
 namespace nerfvdb {
 HWY_EXPORT(marchRays);
 HWY_EXPORT(densityForward);
+HWY_EXPORT(sigmaForward);
 HWY_EXPORT(featuresForward);
 HWY_EXPORT(rowDots);
 }  // namespace nerfvdb
@@ -292,6 +309,10 @@ int marchRays(const Bricks& bricks, const RayTile& rays, float step, int max_per
 void densityForward(const Bricks& bricks, int n, const SampleArrays& samples, float max_raw, float tau_scale,
                     float* raw, float* tau, float* alpha, float* decay) {
     HWY_DYNAMIC_DISPATCH(densityForward)(bricks, n, samples, max_raw, tau_scale, raw, tau, alpha, decay);
+}
+void sigmaForward(const Bricks& bricks, int n, const SampleArrays& samples, float tau_scale, float* tau, float* alpha,
+                  float* decay) {
+    HWY_DYNAMIC_DISPATCH(sigmaForward)(bricks, n, samples, tau_scale, tau, alpha, decay);
 }
 void featuresForward(const Bricks& bricks, int n, const SampleArrays& samples, const std::int32_t* ray,
                      const float* weight, float* features, float* ray_features) {

@@ -1,0 +1,121 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "export/volume_of_model.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "core/parallel.h"
+#include "vdb/vdb_file.h"
+
+namespace nerfvdb {
+namespace {
+
+/// Sums at the voxels of another grid, leaf by leaf.
+struct SumLeaf {
+    std::array<float, kLeafVoxels> sigma{};
+};
+
+struct LeafOrder {
+    bool operator()(const Vec3i& a, const Vec3i& b) const {
+        return std::array{a.x(), a.y(), a.z()} < std::array{b.x(), b.y(), b.z()};
+    }
+};
+using SumLeaves = std::map<Vec3i, SumLeaf, LeafOrder>;
+
+/// Shares every voxel's extinction out to the eight coarse voxels around it, by their trilinear weights there.
+SumLeaves spread(const VoxelField& field, double voxel_scale) {
+    const Topology& topology = field.topology();
+    const float share = static_cast<float>(1 / (voxel_scale * voxel_scale * voxel_scale));
+    SumLeaves sums;
+    for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf)
+        forEachBit(topology.voxels()[leaf], [&](int offset) {
+            const float sigma = volumeSigma(field.density()[leaf * kLeafVoxels + offset], field.densityScale(),
+                                            field.frame().voxel_size);
+            const Vec3i voxel = topology.leafCoords()[leaf] * kLeafDim + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
+            const Vec3d at = voxel.cast<double>() / voxel_scale;
+            const Vec3i low = at.array().floor().cast<int>();
+            const Vec3f u = (at - low.cast<double>()).cast<float>();
+            for (int corner = 0; corner < 8; ++corner) {
+                const Vec3i step(corner >> 2 & 1, corner >> 1 & 1, corner & 1);
+                float weight = share * sigma;
+                for (int axis = 0; axis < 3; ++axis) weight *= step[axis] ? u[axis] : 1 - u[axis];
+                if (weight == 0) continue;
+                const Vec3i to = low + step;
+                sums[to / kLeafDim].sigma[brickOffset(to.x() & 7, to.y() & 7, to.z() & 7)] += weight;
+            }
+        });
+    return sums;
+}
+
+/// Voxels of a leaf that are worth keeping, of sigma [512].
+LeafMask visibleVoxels(const Vec3i& leaf, const float* sigma, const GridFrame& frame,
+                       const VolumeGridOptions& options) {
+    const double min_sigma = -std::log1p(-options.min_alpha) / frame.voxel_size;
+    LeafMask mask{};
+    for (int offset = 0; offset < kLeafVoxels; ++offset) {
+        if (!(sigma[offset] > 0 && sigma[offset] >= min_sigma)) continue;
+        const Vec3i voxel = leaf * kLeafDim + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
+        if (!options.bounds || options.bounds->contains(frame.worldFromIndex(voxel.cast<double>())))
+            setBit(mask, offset);
+    }
+    return mask;
+}
+
+/// `sigmaOf(leaf coordinate)` [512] is what fills the volume.
+template <typename SigmaOf>
+Volume makeVolume(const std::vector<Topology::LeafCells>& active, const GridFrame& frame, const SigmaOf& sigmaOf) {
+    Volume volume(active, frame);
+    const float opaque = volumeSigma(kMaxRaw, 1e30, frame.voxel_size);
+    parallelFor(volume.topology().leafCount(), [&](std::size_t leaf) {
+        if (volume.active()[leaf] == LeafMask{}) return;
+        const float* sigma = sigmaOf(volume.topology().leafCoords()[leaf] + volume.firstVoxel() / kLeafDim);
+        forEachBit(volume.active()[leaf], [&](int offset) {
+            volume.sigma()[leaf * kLeafVoxels + offset] = std::min(sigma[offset], opaque);
+        });
+    });
+    return volume;
+}
+
+Volume onOwnVoxels(const VoxelField& field, const VolumeGridOptions& options) {
+    const Topology& topology = field.topology();
+    std::vector<float> sigma(topology.leafCount() * kLeafVoxels, 0.0f);
+    std::vector<Topology::LeafCells> active(topology.leafCount());
+    parallelFor(topology.leafCount(), [&](std::size_t leaf) {
+        forEachBit(topology.voxels()[leaf], [&](int offset) {
+            const std::size_t i = leaf * kLeafVoxels + offset;
+            sigma[i] = volumeSigma(field.density()[i], field.densityScale(), field.frame().voxel_size);
+        });
+        const Vec3i coord = topology.leafCoords()[leaf];
+        active[leaf] = {coord, visibleVoxels(coord, &sigma[leaf * kLeafVoxels], field.frame(), options)};
+    });
+    std::erase_if(active, [](const Topology::LeafCells& entry) { return entry.cells == LeafMask{}; });
+    return makeVolume(active, field.frame(), [&](const Vec3i& leaf) {
+        return &sigma[static_cast<std::size_t>(topology.findLeaf(leaf)) * kLeafVoxels];
+    });
+}
+
+Volume onCoarserVoxels(const VoxelField& field, const VolumeGridOptions& options) {
+    const GridFrame frame{field.frame().origin, field.frame().voxel_size * options.voxel_scale};
+    const SumLeaves sums = spread(field, options.voxel_scale);
+    std::vector<Topology::LeafCells> active;
+    for (const auto& [coord, leaf] : sums)
+        if (const LeafMask mask = visibleVoxels(coord, leaf.sigma.data(), frame, options); mask != LeafMask{})
+            active.push_back({coord, mask});
+    return makeVolume(active, frame, [&](const Vec3i& leaf) { return sums.at(leaf).sigma.data(); });
+}
+
+}  // namespace
+
+Volume volumeOfModel(const VoxelField& field, const VolumeGridOptions& options) {
+    if (!(options.min_alpha >= 0 && options.min_alpha < 1))
+        throw UsageError("min_alpha", std::to_string(options.min_alpha), "a number in [0, 1)");
+    if (!(options.voxel_scale >= 1) || !std::isfinite(options.voxel_scale))
+        throw UsageError("voxel_scale", std::to_string(options.voxel_scale), "a number of at least 1");
+    return options.voxel_scale == 1 ? onOwnVoxels(field, options) : onCoarserVoxels(field, options);
+}
+
+}  // namespace nerfvdb

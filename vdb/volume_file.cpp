@@ -1,0 +1,256 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "vdb/volume_file.h"
+
+#include <openvdb/openvdb.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/atomic_file.h"
+#include "core/error.h"
+#include "core/parallel.h"
+#include "vdb/topology_tree.h"
+#include "vdb/vdb_file.h"
+
+namespace nerfvdb {
+namespace {
+
+using FloatLeaf = openvdb::FloatTree::LeafNodeType;
+using ColorLeaf = openvdb::Vec3STree::LeafNodeType;
+constexpr const char* kBackground = "background_srgb";
+constexpr std::uint64_t kMostVoxels = std::uint64_t{1} << 31;  // a file of constant tiles can claim any number
+
+// ---- Writing ----
+
+openvdb::math::Transform::Ptr volumeTransform(const Volume& volume) {
+    // Voxel coordinates in the file are those that the volume was made with.
+    openvdb::math::Transform::Ptr transform = gridTransform(volume.givenFrame());
+    const Similarity& placed = volume.worldFromGrid();
+    if (placed.rotation != Mat3d::Identity() || placed.translation != Vec3d::Zero()) {
+        // OpenVDB multiplies rows from the left: its matrices are transposed.
+        openvdb::Mat4d matrix = openvdb::Mat4d::identity();
+        for (int row = 0; row < 3; ++row)
+            for (int column = 0; column < 3; ++column) matrix(row, column) = placed.rotation(column, row);
+        matrix.setTranslation(openvdb::Vec3d(placed.translation.data()));
+        transform->postMult(matrix);
+    }
+    return transform;
+}
+
+/// A grid whose leaves `makeLeaf(leaf number, origin)` gives, null where there is none.
+template <typename Grid, typename MakeLeaf>
+typename Grid::Ptr gridOfLeaves(const Volume& volume, const typename Grid::ValueType& zero, const MakeLeaf& makeLeaf) {
+    using Leaf = typename Grid::TreeType::LeafNodeType;
+    const Topology& topology = volume.topology();
+    std::vector<Leaf*> leaves(topology.leafCount(), nullptr);
+    parallelFor(leaves.size(), [&](std::size_t i) {
+        leaves[i] = makeLeaf(i, leafOrigin(topology.leafCoords()[i] + volume.firstVoxel() / kLeafDim));
+    });
+    auto grid = Grid::create(zero);
+    for (Leaf* leaf : leaves)
+        if (leaf) grid->tree().addLeaf(leaf);
+    grid->setCreator("nerfvdb");
+    return grid;
+}
+
+openvdb::FloatGrid::Ptr densityGrid(const Volume& volume) {
+    return gridOfLeaves<openvdb::FloatGrid>(volume, 0.0f, [&](std::size_t leaf, const openvdb::Coord& origin) {
+        const float* const sigma = &volume.sigma()[leaf * kLeafVoxels];
+        FloatLeaf* made = nullptr;
+        for (int offset = 0; offset < kLeafVoxels; ++offset) {
+            if (!(sigma[offset] > 0)) continue;
+            if (!made) made = new FloatLeaf(origin, 0.0f);
+            made->setValueOn(offset, sigma[offset]);
+        }
+        return made;
+    });
+}
+
+openvdb::Vec3SGrid::Ptr colorGrid(const Volume& volume) {
+    return gridOfLeaves<openvdb::Vec3SGrid>(
+        volume, openvdb::Vec3s(0.0f), [&](std::size_t leaf, const openvdb::Coord& origin) {
+            const float* const color = &volume.color()[leaf * kLeafVoxels * Volume::kChannels];
+            ColorLeaf* made = nullptr;
+            forEachBit(volume.topology().voxels()[leaf], [&](int offset) {
+                const openvdb::Vec3s value(color + offset * Volume::kChannels);
+                if (value == openvdb::Vec3s(0.0f)) return;
+                if (!made) made = new ColorLeaf(origin, openvdb::Vec3s(0.0f));
+                made->setValueOn(offset, value);
+            });
+            return made;
+        });
+}
+
+// ---- Reading ----
+
+openvdb::FloatGrid::Ptr findDensity(const openvdb::GridPtrVec& grids, const std::string& path) {
+    std::vector<openvdb::FloatGrid::Ptr> fogs;
+    std::string names;
+    for (const openvdb::GridBase::Ptr& grid : grids) {
+        names += (names.empty() ? "'" : ", '") + grid->getName() + "' (" + grid->valueType() + ")";
+        auto found = openvdb::gridPtrCast<openvdb::FloatGrid>(grid);
+        if (!found) continue;
+        if (grid->getGridClass() == openvdb::GRID_LEVEL_SET) {
+            if (grid->getName() != "density") continue;
+            throw DataError(path + ": density", "a level set, which holds distances", "a fog volume",
+                            "convert it, for example with OpenVDB's sdfToFogVolume");
+        }
+        if (grid->getName() == "density") return found;
+        fogs.push_back(found);
+    }
+    if (fogs.size() == 1) return fogs.front();
+    throw DataError(path, grids.empty() ? "no grids" : "the grids " + names, "a float grid 'density'",
+                    "rename the grid that holds the extinction");
+}
+
+openvdb::Vec3SGrid::Ptr findColor(const openvdb::GridPtrVec& grids) {
+    for (const char* name : {"color", "Cd"})
+        for (const openvdb::GridBase::Ptr& grid : grids)
+            if (auto found = openvdb::gridPtrCast<openvdb::Vec3SGrid>(grid); found && grid->getName() == name)
+                return found;
+    return nullptr;
+}
+
+/// The frame and the place of a grid whose voxels are cubes, perhaps turned.
+void readTransform(const openvdb::math::Transform& transform, const std::string& where, GridFrame& frame,
+                   Similarity& placed) {
+    Mat3d axes;
+    const openvdb::Vec3d origin = transform.indexToWorld(openvdb::Vec3d(0.0));
+    for (int axis = 0; axis < 3; ++axis) {
+        openvdb::Vec3d unit(0.0);
+        unit[axis] = 1;
+        axes.col(axis) = Vec3d((transform.indexToWorld(unit) - origin).asPointer());
+    }
+    const double size = axes.col(0).norm();
+    const Mat3d rotation = axes / size;
+    const double bend = (rotation.transpose() * rotation - Mat3d::Identity()).cwiseAbs().maxCoeff();
+    if (!transform.isLinear() || !std::isfinite(size) || !(bend < 1e-6) || !(rotation.determinant() > 0))
+        throw DataError(where, "voxels that are no cubes (stretched, sheared, mirrored or in perspective)",
+                        "cubes, perhaps turned", "resample the grid, for example with OpenVDB's resampleToMatch");
+    frame.voxel_size = size;
+    const Vec3d first(origin.asPointer());
+    if ((rotation - Mat3d::Identity()).cwiseAbs().maxCoeff() < 1e-12) {
+        frame.origin = first;
+    } else {
+        placed.rotation = rotation;
+        placed.translation = first;
+    }
+}
+
+void checkSize(const openvdb::GridBase& grid, const std::string& where) {
+    if (grid.activeVoxelCount() > kMostVoxels)
+        throw DataError(where, std::to_string(grid.activeVoxelCount()) + " active voxels", "at most 2^31",
+                        "resample the volume coarser");
+}
+
+std::vector<Topology::LeafCells> activeLeaves(const openvdb::MaskTree& tree) {
+    std::vector<Topology::LeafCells> leaves;
+    for (auto leaf = tree.cbeginLeaf(); leaf; ++leaf) {
+        const openvdb::Coord origin = leaf->origin();
+        leaves.push_back({Vec3i(origin.x() >> 3, origin.y() >> 3, origin.z() >> 3), leafMask(leaf->getValueMask())});
+    }
+    return leaves;
+}
+
+void fillValues(const openvdb::FloatGrid& density, const openvdb::Vec3SGrid* color, const std::string& path,
+                Volume& volume) {
+    const Topology& topology = volume.topology();
+    std::vector<char> is_bad(topology.leafCount(), 0);
+    parallelFor(topology.leafCount(), [&](std::size_t leaf) {
+        const Vec3i first = topology.leafCoords()[leaf] * kLeafDim + volume.firstVoxel();
+        const auto sigma_at = density.getConstUnsafeAccessor();
+        forEachBit(topology.voxels()[leaf], [&](int offset) {
+            const Vec3i ijk = first + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
+            const openvdb::Coord at(ijk.x(), ijk.y(), ijk.z());
+            const std::size_t voxel = leaf * kLeafVoxels + offset;
+            const float sigma = sigma_at.getValue(at);
+            is_bad[leaf] |= !(sigma >= 0) || !std::isfinite(sigma);
+            volume.sigma()[voxel] = sigma;
+            const openvdb::Vec3s value = color ? color->tree().getValue(at) : openvdb::Vec3s(1.0f);
+            for (int c = 0; c < 3; ++c) {
+                is_bad[leaf] |= !(value[c] >= 0) || !std::isfinite(value[c]);
+                volume.color()[voxel * Volume::kChannels + c] = value[c];
+            }
+        });
+    });
+    const auto bad = std::find(is_bad.begin(), is_bad.end(), 1);
+    if (bad == is_bad.end()) return;
+    const Vec3i leaf = topology.leafCoords()[bad - is_bad.begin()] * kLeafDim + volume.firstVoxel();
+    throw DataError(path + ": a voxel of the leaf at index (" + std::to_string(leaf.x()) + ", " +
+                        std::to_string(leaf.y()) + ", " + std::to_string(leaf.z()) + ")",
+                    "a density or colour that is negative or not finite", "finite values from zero on");
+}
+
+}  // namespace
+
+WrittenVolume writeVolume(const std::filesystem::path& path, const Volume& volume, const WriteVolumeOptions& options) {
+    openvdb::initialize();
+    const openvdb::FloatGrid::Ptr density = densityGrid(volume);
+    density->setTransform(volumeTransform(volume));
+    density->setName("density");
+    density->setGridClass(openvdb::GRID_FOG_VOLUME);
+    const float largest = volume.sigma().empty() ? 0.0f : *std::max_element(volume.sigma().begin(), volume.sigma().end());
+    density->setSaveFloatAsHalf(options.half && halfSuffices(largest, volume.frame().voxel_size));
+    openvdb::GridCPtrVec grids{density};
+    if (options.color) {
+        const openvdb::Vec3SGrid::Ptr color = colorGrid(volume);
+        color->setTransform(volumeTransform(volume));
+        color->setName(options.color_name);
+        color->setVectorType(openvdb::VEC_INVARIANT);  // a colour does not turn with the grid
+        color->setSaveFloatAsHalf(options.half);
+        grids.push_back(color);
+    }
+
+    openvdb::MetaMap facts;
+    facts.insertMeta("creator", openvdb::StringMetadata("nerfvdb"));
+    facts.insertMeta("density_unit", openvdb::StringMetadata("1 / world unit"));
+    if (options.color) facts.insertMeta("color_space", openvdb::StringMetadata("linear Rec. 709"));
+    if (options.background)
+        facts.insertMeta(kBackground, openvdb::Vec3SMetadata(openvdb::Vec3s(options.background->data())));
+    writeVdb(path, grids, facts);
+    return {density->activeVoxelCount(), std::filesystem::file_size(path), density->saveFloatAsHalf()};
+}
+
+VolumeFile readVolume(const std::filesystem::path& path) {
+    std::string bytes = readFile(path);
+    const VdbSeal seal = checkVdbSeal(bytes);
+    if (seal == VdbSeal::not_vdb)
+        throw DataError(path.string(), bytes.empty() ? "an empty file" : "no .vdb file", "a .vdb volume");
+    if (seal == VdbSeal::broken)
+        throw DataError(path.string(), "damaged or truncated content (it does not match its checksum)",
+                        "an intact volume", "copy or export the file again");
+    std::string().swap(bytes);
+    try {
+        openvdb::initialize();
+        openvdb::io::File file(path.string());
+        constexpr bool kDelayedLoading = false;
+        file.open(kDelayedLoading);
+        const openvdb::GridPtrVecPtr grids = file.getGrids();
+        const openvdb::FloatGrid::Ptr density = findDensity(*grids, path.string());
+        const openvdb::Vec3SGrid::Ptr color = findColor(*grids);
+        if (color && !(color->transform() == density->transform()))
+            throw DataError(path.string() + ": " + color->getName(), "another transform than the density's",
+                            "the same voxels", "resample one to the other");
+        GridFrame frame;
+        Similarity placed;
+        readTransform(density->transform(), path.string() + ": density", frame, placed);
+        checkSize(*density, path.string() + ": density");
+
+        openvdb::MaskTree active(density->tree(), false, true, openvdb::TopologyCopy());
+        active.voxelizeActiveTiles();
+        VolumeFile read;
+        read.volume = Volume(activeLeaves(active), frame);
+        read.volume.place(placed);
+        read.has_color = color != nullptr;
+        fillValues(*density, color.get(), path.string(), read.volume);
+        if (const auto background = file.getMetadata()->getMetadata<openvdb::Vec3SMetadata>(kBackground)) {
+            const Vec3f values(background->value().asPointer());
+            if (values.allFinite()) read.background = values.cwiseMax(0.0f).cwiseMin(1.0f);
+        }
+        return read;
+    } catch (const openvdb::Exception& error) {
+        throw DataError(path.string(), std::string("OpenVDB's error \"") + error.what() + "\"", "a .vdb volume");
+    }
+}
+
+}  // namespace nerfvdb
