@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/camera.h"
+#include "core/similarity.h"
 
 namespace nerfvdb {
 
@@ -20,8 +21,6 @@ struct PictureSize {
 /// "camera_path": [{"camera_to_world": 16 numbers row by row, "fov": vertical degrees, "aspect"}, ...]}.
 /// Throws IoError / DataError naming file and field.
 std::vector<Camera> readCameraPath(const std::filesystem::path& path, const PictureSize& size);
-
-enum class UpAxis { y, z };
 
 /// `count` cameras evenly around the box at 25 degrees above its middle, as near as all of it fits the picture
 /// (800x800 and 40 degrees unless said otherwise).

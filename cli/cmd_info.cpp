@@ -41,6 +41,10 @@ void describeModel(const InfoWords& words) {
                                 grid.type.c_str(), grid.active_voxels);
     }
 
+    const auto held_out =
+        std::count_if(model.cameras.begin(), model.cameras.end(), [](const ModelCamera& c) { return c.held_out; });
+    const auto trained_on = static_cast<std::ptrdiff_t>(model.cameras.size()) - held_out;
+
     const Json json = {{"command", "info"},
                        {"kind", "model"},
                        {"grids", grids},
@@ -59,7 +63,8 @@ void describeModel(const InfoWords& words) {
                        {"file_bytes", file_bytes},
                        {"schedule", model.info.schedule},
                        {"seed", model.info.seed},
-                       {"train_psnr", model.info.train_psnr}};
+                       {"train_psnr", model.info.train_psnr},
+                       {"cameras", {{"train", trained_on}, {"held_out", held_out}}}};
     const std::string text =
         formatted("model: density and %d features a voxel, a network %d wide (%zu parameters)\n", field.channels(),
                   model.decoder.width(), model.decoder.parameters().size()) +
@@ -75,7 +80,10 @@ void describeModel(const InfoWords& words) {
         ", file: " + sizeText(static_cast<double>(file_bytes)) + "\n" +
         formatted("trained: seed %llu, steps %s, %.2f dB on the training rays\n",
                   static_cast<unsigned long long>(model.info.seed),
-                  model.info.schedule.c_str(), model.info.train_psnr);
+                  model.info.schedule.c_str(), model.info.train_psnr) +
+        (model.cameras.empty()
+             ? std::string("cameras: none are told\n")
+             : formatted("cameras: %td trained on, %td held out\n", trained_on, held_out));
     words.shared.finish(json, text);
 }
 

@@ -8,6 +8,7 @@
 #include "cli/process.h"
 #include "cli/quantities.h"
 #include "core/error.h"
+#include "trainer/model_cameras.h"
 #include "trainer/trainer.h"
 #include "vdb/model_file.h"
 
@@ -73,12 +74,15 @@ void runTrain(const TrainWords& words) {
                               camera.height));
     }
 
+    const std::vector<ModelCamera> held_out = heldOutCameras(words.data, report);
+
     CsvLog log(beside(".csv"), words.resume, report);
     options.elapsed_s = secondsSinceProcessStart();
-    const TrainResult result = train(
+    TrainResult result = train(
         dataset, options, report, [&](const TrainProgress& progress) { log.add(progress); }, checkpoint,
         words.resume);
     report.end();
+    result.model.cameras.insert(result.model.cameras.end(), held_out.begin(), held_out.end());
     saveModel(result.model, out);
     log.finish();
 
@@ -94,6 +98,7 @@ void runTrain(const TrainWords& words) {
                        {"peak_memory_bytes", peakMemoryBytes()},
                        {"seed", result.model.info.seed},
                        {"views", dataset.views.size()},
+                       {"held_out_views", held_out.size()},
                        {"interrupted", result.interrupted},
                        {"notes", result.notes}};
     std::string text =

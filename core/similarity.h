@@ -7,6 +7,10 @@
 
 namespace nerfvdb {
 
+/// The axis of a world that points up. Photographs' worlds have z (NeRF-synthetic, instant-ngp, nerfstudio), and so has
+/// Blender; Houdini, Maya, Unity and glTF have y.
+enum class UpAxis { y, z };
+
 /// to = scale * rotation * from + translation. `rotation` is orthonormal with determinant 1; scale > 0.
 struct Similarity {
     double scale = 1.0;

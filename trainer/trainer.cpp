@@ -11,6 +11,7 @@
 #include "trainer/checkpoint.h"
 #include "trainer/dataset_hash.h"
 #include "trainer/faint_cells.h"
+#include "trainer/model_cameras.h"
 #include "trainer/scene_box.h"
 #include "vdb/adapt.h"
 
@@ -450,6 +451,7 @@ TrainResult Training::finish(bool interrupted) {
     result.model.info.schedule = scheduleText(place_.stages);
     result.model.info.seed = place_.seed;
     result.model.info.train_psnr = psnrFromMse(place_.mean_error);
+    result.model.cameras = modelCameras(dataset_, /*held_out=*/false);
     result.steps = place_.step;
     result.interrupted = interrupted;
     result.active_voxels = result.model.field.topology().voxelCount();

@@ -52,7 +52,8 @@ struct TrainResult {
     std::vector<std::string> notes;  // facts for the user: plan, memory limit reached, ...
 };
 
-/// Trains on a data set; tells `report` how it goes and calls `on_interval` a few times a minute.
+/// Trains on a data set; tells `report` how it goes and calls `on_interval` a few times a minute. The model names the
+/// cameras of the data set.
 /// With `checkpoint`, state is loaded from there when `resume`, and saved there at intervals and at the end. Plan,
 /// seed, background and box are then those of the checkpoint, whatever `options` say. A checkpoint that cannot be
 /// written is a warning and TrainResult::checkpoint_error, never the end of training.

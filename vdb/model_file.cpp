@@ -18,6 +18,7 @@
 //   nerfvdb_cells           cells of the topology (field_codec.h)
 //   nerfvdb_values          raw density and features of active voxels (field_codec.h)
 //   nerfvdb_decoder         float weights, in the order of Decoder::parameters()
+//   nerfvdb_cameras         who photographed the scene (camera_codec.h); absent where nobody told
 // The type is one that OpenVDB does not know, on purpose: for metadata (not for grids!) every program then keeps
 // the bytes without looking inside, whereas a string of arbitrary bytes makes OpenVDB's Python module throw.
 #include "vdb/model_file.h"
@@ -31,6 +32,7 @@
 #include "core/atomic_file.h"
 #include "core/error.h"
 #include "core/parallel.h"
+#include "vdb/camera_codec.h"
 #include "vdb/field_codec.h"
 #include "vdb/topology_tree.h"
 #include "vdb/vdb_file.h"
@@ -140,6 +142,7 @@ public:
     Facts(const openvdb::MetaMap& map, std::string path) : map_(map), path_(std::move(path)) {}
 
     std::string where(const std::string& name) const { return path_ + ": " + name; }
+    bool has(const std::string& name) const { return map_[name] != nullptr; }
 
     template <typename T>
     T get(const std::string& name) const {
@@ -262,6 +265,7 @@ void saveModel(const Model& model, const std::filesystem::path& path) {
     insertBytes(facts, "nerfvdb_cells", encodeTopology(field.topology()));
     insertBytes(facts, "nerfvdb_values", encodeValues(field, steps));
     insertBytes(facts, "nerfvdb_decoder", {reinterpret_cast<const char*>(weights.data()), weights.size_bytes()});
+    if (!model.cameras.empty()) insertBytes(facts, "nerfvdb_cameras", encodeCameras(model.cameras));
     openvdb::initialize();
     writeVdb(path, {previewGrid(field, steps[0])}, facts);
 }
@@ -286,6 +290,8 @@ Model loadModel(const std::filesystem::path& path) {
         model.info.schedule = facts.get<std::string>("nerfvdb_schedule");
         model.info.seed = static_cast<std::uint64_t>(facts.get<std::int64_t>("nerfvdb_seed"));
         model.info.train_psnr = facts.get<double>("nerfvdb_train_psnr");
+        if (facts.has("nerfvdb_cameras"))
+            model.cameras = decodeCameras(facts.bytes("nerfvdb_cameras"), facts.where("nerfvdb_cameras"));
         return model;
     } catch (const openvdb::Exception& error) {
         throw unreadable(path, error);

@@ -67,7 +67,7 @@ fence OpenVDB 'openvdb/' '(vdb|export)/[a-z0-9_]+\.cpp|vdb/(topology_tree|vdb_fi
 fence OpenImageIO 'OpenImageIO/' 'core/image\.cpp'
 fence Highway 'hwy/' 'core/simd/.*'
 fence TBB '(tbb|oneapi)/' 'core/parallel\.h'
-fence JSON 'nlohmann/' 'trainer/[a-z0-9_]+\.(cpp|h)|bench/result\.cpp|cli/.*'
+fence JSON 'nlohmann/' 'trainer/[a-z0-9_]+\.(cpp|h)|export/camera_export\.cpp|bench/result\.cpp|cli/.*'
 fence CLI11 'CLI/' 'cli/.*'
 fence xxHash 'xxhash' 'core/atomic_file\.cpp'
 

@@ -223,6 +223,8 @@ test_story() {
     has_keys out grids active_voxels leaves resolution bounds voxel_size memory_bytes
     says out '"name": "density"'
     expect 0 info model.vdb
+    says out "cameras: 12 trained on, 3 held out"
+    ! grep -q "$PWD" model.vdb || fail "the model tells where it was made"
     grep -qE '^grid density: float, [1-9][0-9]* active voxels \(a preview, half the resolution\)$' out || fail "no grid: $(cat out)"
 
     expect 0 render model.vdb --orbit 2 --width 32 --height 24 --out orbit --depth --opacity --normals
@@ -323,7 +325,7 @@ test_resume() {
     says err "model.ckpt: found training on other cameras or photographs, expected those of other"
     cmp model.vdb first.vdb || fail "a refused command changed the model"
 
-    # Nothing is left to learn: the same model again.
+    # Nothing is left to learn: the same model again, its cameras too.
     expect 0 train data --out model.vdb --resume
     cmp model.vdb first.vdb || fail "resuming a run that was over changed the model"
 }

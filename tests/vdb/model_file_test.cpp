@@ -102,6 +102,32 @@ TEST_CASE("a model comes back as it was rounded, and saves to the same bytes aga
     CHECK(wrong == 0);
 }
 
+TEST_CASE("the cameras of a model travel with it; an older file has none") {
+    const TempDir folder;
+    Model model = shellModel(24);
+    saveModel(model, folder / "none.vdb");
+    CHECK(loadModel(folder / "none.vdb").cameras.empty());
+    CHECK(readFile(folder / "none.vdb").find("nerfvdb_cameras") == std::string::npos);
+
+    for (int i = 0; i < 3; ++i)
+        model.cameras.push_back({"train/r_" + std::to_string(i) + ".png",
+                                 lookAt({3, 0.1 * i, 1}, Vec3d::Zero(), Vec3d::UnitZ(), 0.7, 80, 60), i == 2});
+    saveModel(model, folder / "a.vdb");
+    const Model loaded = loadModel(folder / "a.vdb");
+    saveModel(loaded, folder / "b.vdb");
+    const bool same_bytes = readFile(folder / "a.vdb") == readFile(folder / "b.vdb");
+    CHECK(same_bytes);
+    REQUIRE(loaded.cameras.size() == 3);
+    CHECK(loaded.cameras[1].name == "train/r_1.png");
+    CHECK(loaded.cameras[1].camera.position == model.cameras[1].camera.position);
+    CHECK_FALSE(loaded.cameras[1].held_out);
+    CHECK(loaded.cameras[2].held_out);
+
+    model.cameras[1].name = "/home/someone/train/r_1.png";
+    CHECK_THROWS_AS(saveModel(model, folder / "a.vdb"), UsageError);
+    CHECK(loadModel(folder / "a.vdb").cameras.size() == 3);
+}
+
 TEST_CASE("the better a model, the finer its values are kept") {
     Model model = shellModel(24);
     // Standard deviation of alpha: step / sqrt(12) * exp(-1), at most two fifths of the error; 2e-3 if that is unknown.
@@ -340,6 +366,9 @@ TEST_CASE("sealed models with parts that do not fit are refused") {
     const openvdb::Vec3IMetadata small(openvdb::Vec3i(16)), crooked(openvdb::Vec3i(25));
     CHECK_THAT(refusal("nerfvdb_dims", &small), Contains("nerfvdb_cells"));
     CHECK_THAT(refusal("nerfvdb_dims", &crooked), Contains("nerfvdb_cells"));
+
+    const openvdb::StringMetadata words("cameras");
+    CHECK_THAT(refusal("nerfvdb_cameras", &words), Contains("nerfvdb_cameras"));
 
     // Learned values of the right length but the wrong content: refused or decoded, never a crash.
     for (const char* name : {"nerfvdb_cells", "nerfvdb_values", "nerfvdb_decoder"}) {
