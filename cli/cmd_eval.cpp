@@ -4,14 +4,15 @@
 #include "cli/dataset_words.h"
 #include "cli/output_path.h"
 #include "cli/process.h"
+#include "cli/scene_words.h"
 #include "trainer/evaluate.h"
-#include "vdb/model_file.h"
 
 namespace nerfvdb {
 namespace {
 
 struct EvalWords {
-    std::string model, data, save;
+    SceneWords scene;
+    std::string data, save;
     DatasetWords dataset;
     int every = 1;
     SharedOptions shared;
@@ -59,16 +60,15 @@ void runEval(const EvalWords& words) {
     const auto limit = words.shared.begin();
     if (!words.save.empty()) prepareOutputFolder("--save", words.save);
     TerminalReport report;
-    const Model model = loadModel(words.model);
+    const std::unique_ptr<Scene> scene = words.scene.load(false);
     const Dataset dataset = words.dataset.read(words.data, true, report);
 
-    EvaluateOptions options;
-    options.every = words.every;
-    const Evaluation evaluation =
-        evaluate(model, dataset, options, report, [&](const ViewScore& score, const Image& rgb) {
-            if (!words.save.empty())
-                writeImage(std::filesystem::path(words.save) / formatted("%04zu.png", score.index), rgb);
-        });
+    const auto save = [&](const ViewScore& score, const Image& rgb) {
+        if (!words.save.empty())
+            writeImage(std::filesystem::path(words.save) / formatted("%04zu.png", score.index), rgb);
+    };
+    const Evaluation evaluation = evaluate([&](const Camera& camera) { return scene->render(camera); },
+                                           scene->background(), dataset, words.every, report, save);
     words.shared.finish(evaluationJson(evaluation, dataset), evaluationText(evaluation));
 }
 
@@ -76,8 +76,8 @@ void runEval(const EvalWords& words) {
 
 Command addEval(CLI::App& program) {
     auto words = std::make_shared<EvalWords>();
-    CLI::App& app = *program.add_subcommand("eval", "Score a model against photographs: PSNR, SSIM, time");
-    app.add_option("MODEL", words->model, "A model that 'nerfvdb train' made")->required();
+    CLI::App& app = *program.add_subcommand("eval", "Score a model or a volume against photographs: PSNR, SSIM, time");
+    words->scene.add(app);
     app.add_option("DATA", words->data, "The data set, as for train")->required();
     words->dataset.add(app);
     app.add_option("--every", words->every, "Score each Nth view only [1]")

@@ -3,52 +3,146 @@
 #include "cli/commands.h"
 #include "cli/output_path.h"
 #include "cli/process.h"
+#include "cli/quantities.h"
 #include "core/error.h"
+#include "export/camera_export.h"
 #include "export/vdb_export.h"
 #include "vdb/model_file.h"
 
 namespace nerfvdb {
 namespace {
 
+using Color = ExportVdbOptions::Color;
+using Origin = PlacementOptions::Origin;
+
 struct ExportWords {
-    std::string model, out, color = "diffuse";
-    double min_alpha = ExportVdbOptions{}.min_alpha;
-    bool full_precision = false;
+    std::string model, out, color = "diffuse", up, source_up = "z";
+    std::vector<double> bounds;
+    double min_alpha = -1;
+    bool full_precision = false, center = false, ground = false, volume_only = false;
+    ExportVdbOptions options;
     SharedOptions shared;
 };
 
-void runExport(const ExportWords& words) {
-    const auto limit = words.shared.begin();
+UpAxis upAxis(const std::string& name) { return name == "y" ? UpAxis::y : UpAxis::z; }
+
+ExportVdbOptions exportOptions(const ExportWords& words) {
+    ExportVdbOptions options = words.options;
+    options.color = words.color == "none" ? Color::none : words.color == "mean" ? Color::mean : Color::diffuse;
+    if (words.min_alpha >= 0) options.min_alpha = words.min_alpha;
+    if (!words.bounds.empty()) options.bounds = parseBounds("--bounds", words.bounds);
+    options.half = !words.full_precision;
+    options.placement.source_up = upAxis(words.source_up);
+    if (!words.up.empty()) options.placement.up = upAxis(words.up);
+    if (words.center && words.ground)
+        throw UsageError("--center", "it together with --ground", "one of the two");
+    options.placement.origin = words.center ? Origin::middle : words.ground ? Origin::ground : Origin::keep;
+    return options;
+}
+
+/// All files that an export makes.
+struct Outputs {
+    std::vector<std::filesystem::path> volumes;
+    std::filesystem::path cameras, script;
+};
+
+Outputs checkOutputs(const ExportWords& words) {
     const std::filesystem::path out = words.out;
     if (out.extension() != ".vdb")
         throw UsageError("--out", "'" + words.out + "'", "a file name that ends in .vdb");
-    prepareOutputFile("--out", out);
-    if (std::filesystem::exists(out) && std::filesystem::equivalent(out, words.model))
-        throw UsageError("--out", "the model itself", "another file",
-                         "an export cannot be trained or rendered again");
-    ExportVdbOptions options;
-    options.color = words.color == "none" ? ExportVdbOptions::Color::none : ExportVdbOptions::Color::diffuse;
-    options.min_alpha = words.min_alpha;
-    options.half = !words.full_precision;
+    Outputs outputs{exportPaths(out, words.options.tiles), out, out};
+    outputs.cameras.replace_extension(".cameras.json");
+    outputs.script.replace_extension(".blender.py");
+    for (const std::filesystem::path& path : outputs.volumes) {
+        prepareOutputFile("--out", path);
+        if (std::filesystem::exists(path) && std::filesystem::equivalent(path, words.model))
+            throw UsageError("--out", "the model itself", "another file", "an export cannot be trained again");
+    }
+    return outputs;
+}
 
+void writeBeside(const Outputs& outputs, const Model& model, const ExportVdbOptions& options,
+                 const ExportVdbReport& exported) {
+    BlenderScene scene;
+    for (const std::filesystem::path& path : outputs.volumes) scene.volumes.push_back(path.filename().string());
+    if (!model.cameras.empty()) {
+        writeCamerasJson(outputs.cameras, model.cameras, exported.placement);
+        scene.cameras = outputs.cameras.filename().string();
+    }
+    scene.color_name = options.color == Color::none ? "" : options.color_name;
+    scene.up = options.placement.up.value_or(options.placement.source_up);
+    writeBlenderScript(outputs.script, scene);
+}
+
+Json exportJson(const ExportWords& words, const ExportVdbReport& exported) {
+    Json json = {{"command", "export"},
+                 {"out", words.out},
+                 {"files", Json::array()},
+                 {"active_voxels", exported.active_voxels},
+                 {"left_out_voxels", exported.left_out},
+                 {"voxel_size", exported.voxel_size},
+                 {"box_voxels", {exported.box_voxels.x(), exported.box_voxels.y(), exported.box_voxels.z()}},
+                 {"half", exported.half},
+                 {"file_bytes", exported.bytes},
+                 {"peak_memory_bytes", peakMemoryBytes()}};
+    for (const ExportVdbReport::File& file : exported.files)
+        json["files"].push_back(
+            {{"path", file.path.string()}, {"active_voxels", file.active_voxels}, {"bytes", file.bytes}});
+    if (exported.loss)
+        json["loss"] = {{"views", exported.loss->views},
+                        {"psnr", exported.loss->psnr},
+                        {"psnr_without_view_dependence", exported.loss->psnr_diffuse},
+                        {"opacity_error", exported.loss->opacity_error}};
+    return json;
+}
+
+std::string exportText(const ExportWords& words, const ExportVdbOptions& options, const ExportVdbReport& exported) {
+    const Vec3i& box = exported.box_voxels;
+    std::string text;
+    for (const ExportVdbReport::File& file : exported.files)
+        text += formatted("%s: %zu active voxels of %.4g units, %s\n", file.path.string().c_str(), file.active_voxels,
+                          exported.voxel_size, sizeText(static_cast<double>(file.bytes)).c_str());
+    text += formatted("bounding box: %d x %d x %d voxels\n", box.x(), box.y(), box.z());
+    if (exported.left_out > 0)
+        text += formatted("left out: %zu voxels that %s\n", exported.left_out,
+                          exported.has_view_colors ? "no camera of the training sees, or that stop no light"
+                                                   : "stop next to no light");
+    if (exported.loss)
+        text += formatted("against the model, on %d views: PSNR %.2f dB (the model itself without view-dependence: "
+                          "%.2f dB), opacity off by %.4f on average\n",
+                          exported.loss->views, exported.loss->psnr, exported.loss->psnr_diffuse,
+                          exported.loss->opacity_error);
+    else if (options.color != Color::none)
+        text += "not compared with the model: it names no cameras; 'nerfvdb eval " + words.out + " DATA' does\n";
+    if (options.color != Color::none)
+        text += "colour is the same from all sides: reflections do not move with the eye\n";
+    return text;
+}
+
+void runExport(const ExportWords& words) {
+    const auto limit = words.shared.begin();
+    const Outputs outputs = checkOutputs(words);
+    const ExportVdbOptions options = exportOptions(words);
+    TerminalReport report;
     const Model model = loadModel(words.model);
-    const ExportVdbReport exported = exportVdb(model, out, options);
+    const ExportVdbReport exported = exportVdb(model, words.out, options, report);
+    if (!words.volume_only) writeBeside(outputs, model, options, exported);
+    words.shared.finish(exportJson(words, exported), exportText(words, options, exported));
+}
 
-    const Json json = {{"command", "export"},
-                       {"out", words.out},
-                       {"active_voxels", exported.active_voxels},
-                       {"left_out_voxels", exported.left_out},
-                       {"lost_opacity", exported.lost_opacity},
-                       {"voxel_size", model.field.frame().voxel_size},
-                       {"half", exported.half},
-                       {"file_bytes", exported.bytes},
-                       {"peak_memory_bytes", peakMemoryBytes()},
-                       {"lost", exported.lost}};
-    std::string text =
-        formatted("%s: %zu active voxels of %.4g world units, %s\n", words.out.c_str(), exported.active_voxels,
-                  model.field.frame().voxel_size, sizeText(static_cast<double>(exported.bytes)).c_str());
-    for (const std::string& line : exported.lost) text += "lost: " + line + "\n";
-    words.shared.finish(json, text);
+void addPlacement(CLI::App& app, ExportWords& words) {
+    app.add_option("--scale", words.options.placement.scale,
+                   "Length of a world unit in the file; density is divided by it [1]")
+        ->check(CLI::PositiveNumber)
+        ->type_name("FACTOR");
+    app.add_option("--up", words.up, "Turn the scene so that this axis points up: y (Houdini) or z (Blender) [as it is]")
+        ->check(CLI::IsMember({"y", "z"}))
+        ->type_name("AXIS");
+    app.add_option("--source-up", words.source_up, "The axis that points up in the model: y or z [z]")
+        ->check(CLI::IsMember({"y", "z"}))
+        ->type_name("AXIS");
+    app.add_flag("--center", words.center, "Put the middle of what is written into the origin");
+    app.add_flag("--ground", words.ground, "Put the middle of its bottom there");
 }
 
 }  // namespace
@@ -58,18 +152,45 @@ Command addExport(CLI::App& program) {
     CLI::App& app =
         *program.add_subcommand("export", "Write a model as density and colour grids for other programs");
     app.add_option("MODEL", words->model, "A model that 'nerfvdb train' made")->required();
-    app.add_option("--out", words->out, "The volume: grids 'density' (1 / world unit) and 'color' (linear RGB)")
+    app.add_option("--out", words->out,
+                   "The volume: grids 'density' (1 / world unit) and 'color' (linear RGB). Beside it: the cameras, "
+                   "VOLUME.cameras.json, and a script that shows it all in Blender, VOLUME.blender.py")
         ->required()
         ->type_name("VOLUME.vdb");
-    app.add_option("--color", words->color, "diffuse (the mean over all directions) or none [diffuse]")
-        ->check(CLI::IsMember({"diffuse", "none"}))
+    app.add_option("--color", words->color,
+                   "diffuse (as the training views saw each voxel), mean (over all directions) or none [diffuse]")
+        ->check(CLI::IsMember({"diffuse", "mean", "none"}))
         ->type_name("NAME");
+    app.add_option("--color-name", words->options.color_name, "Name of the colour grid; Houdini wants Cd [color]")
+        ->type_name("NAME");
+    app.add_option("--fit", words->options.fit_steps,
+                   "Steps in which density and colour are fitted to the model's pictures; 0: none [1000]")
+        ->check(CLI::Range(0, 1000000))
+        ->type_name("N");
     app.add_option("--min-alpha", words->min_alpha,
-                   "Leave out voxels that stop less light than this share [0.001]")
+                   "Leave out voxels that stop less light than this share [1e-5, and what no camera sees]")
         ->check(CLI::Range(0.0, 1.0))
         ->type_name("SHARE");
+    app.add_option("--max-resolution", words->options.max_resolution,
+                   "At most N voxels along the longest side [as the model]")
+        ->check(CLI::PositiveNumber)
+        ->type_name("N");
+    app.add_option("--max-voxels", words->options.max_voxels, "At most N active voxels [as the model]")
+        ->check(CLI::PositiveNumber)
+        ->type_name("N");
+    app.add_option("--bounds", words->bounds, "Only what lies in this box, world units of the model [all]")
+        ->expected(6)
+        ->type_name("X0 Y0 Z0 X1 Y1 Z1");
+    app.add_option("--tiles", words->options.tiles,
+                   "Cut into N files, VOLUME.000.vdb, ..., that line up exactly [1]")
+        ->check(CLI::Range(1, 999))
+        ->type_name("N");
+    addPlacement(app, *words);
     app.add_flag("--full-precision", words->full_precision, "Write 32-bit numbers, not 16-bit");
-    words->shared.add(app, "  nerfvdb export lego.vdb --out lego_volume.vdb");
+    app.add_flag("--volume-only", words->volume_only, "Write neither cameras nor the script for Blender");
+    words->shared.add(app,
+                      "  nerfvdb export lego.vdb --out lego_volume.vdb\n"
+                      "  nerfvdb export lego.vdb --out houdini.vdb --up y --color-name Cd --max-resolution 300");
     return {&app, [words] { runExport(*words); }};
 }
 

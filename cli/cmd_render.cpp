@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// nerfvdb render: pictures of a model from the cameras of a data set, of a path file, or around it.
+// nerfvdb render: pictures of a model or a volume from the cameras of a data set, of a path file, or around it.
 #include <algorithm>
 #include <chrono>
 #include <numbers>
@@ -9,35 +9,21 @@
 #include "cli/dataset_words.h"
 #include "cli/output_path.h"
 #include "cli/process.h"
+#include "cli/scene_words.h"
 #include "core/error.h"
-#include "vdb/model_file.h"
-#include "vdb/renderer.h"
 
 namespace nerfvdb {
 namespace {
 
 struct RenderWords {
-    std::string model, out = "renders", data, path, up = "z";
+    SceneWords scene;
+    std::string out = "renders", data, path, up = "z";
     int orbit = 0, width = 0, height = 0;
     double fov = 0;  // vertical, degrees
     bool depth = false, opacity = false, normals = false;
     DatasetWords dataset;
     SharedOptions shared;
 };
-
-/// Box of the leaves that hold something: tighter than the box in which training looked.
-Box occupiedBox(const VoxelField& field) {
-    const auto leaves = field.topology().leafCoords();
-    if (leaves.empty()) return field.worldBox();
-    Vec3i low = leaves.front(), high = leaves.front();
-    for (const Vec3i& leaf : leaves) {
-        low = low.cwiseMin(leaf);
-        high = high.cwiseMax(leaf);
-    }
-    const Vec3i end = (high + Vec3i::Ones()) * kLeafDim;
-    return {field.frame().worldFromIndex((low * kLeafDim).cast<double>()),
-            field.frame().worldFromIndex(end.cast<double>())};
-}
 
 /// Cameras of a data set at another size, if one was asked for; one edge alone keeps the aspect.
 void resizeCameras(std::vector<Camera>& cameras, int width, int height) {
@@ -49,7 +35,7 @@ void resizeCameras(std::vector<Camera>& cameras, int width, int height) {
     }
 }
 
-std::vector<Camera> findCameras(const RenderWords& words, const Model& model, Report& report) {
+std::vector<Camera> findCameras(const RenderWords& words, const Scene& scene, Report& report) {
     PictureSize size;
     if (words.width) size.width = words.width;
     if (words.height) size.height = words.height;
@@ -57,7 +43,7 @@ std::vector<Camera> findCameras(const RenderWords& words, const Model& model, Re
 
     if (!words.path.empty()) return readCameraPath(words.path, size);
     if (words.orbit > 0)
-        return orbitCameras(occupiedBox(model.field), words.orbit, words.up == "y" ? UpAxis::y : UpAxis::z,
+        return orbitCameras(scene.occupiedBox(), words.orbit, words.up == "y" ? UpAxis::y : UpAxis::z,
                             size);
     std::vector<Camera> cameras;
     for (const View& view : words.dataset.read(words.data, false, report).views) cameras.push_back(view.camera);
@@ -110,18 +96,15 @@ void runRender(const RenderWords& words) {
     prepareOutputFolder("--out", words.out);
 
     TerminalReport report;
-    const Model model = loadModel(words.model);
-    const std::vector<Camera> cameras = findCameras(words, model, report);
-    RenderOptions options;
-    options.normals = words.normals;
-    const Renderer renderer(model, options);
+    const std::unique_ptr<Scene> scene = words.scene.load(words.normals);
+    const std::vector<Camera> cameras = findCameras(words, *scene, report);
 
     double seconds = 0;
     report.begin("render", static_cast<std::int64_t>(cameras.size()));
     for (std::size_t i = 0; i < cameras.size(); ++i) {
         if (report.cancelled()) throw Interrupted("stopped after " + std::to_string(i) + " pictures, as asked");
         const auto begin = std::chrono::steady_clock::now();
-        const RenderedImage rendered = renderer.render(cameras[i]);
+        const RenderedImage rendered = scene->render(cameras[i]);
         seconds += std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
         writePictures(words, i, rendered);
         report.update(static_cast<std::int64_t>(i) + 1, "");
@@ -142,8 +125,8 @@ void runRender(const RenderWords& words) {
 
 Command addRender(CLI::App& program) {
     auto words = std::make_shared<RenderWords>();
-    CLI::App& app = *program.add_subcommand("render", "Make pictures of a model");
-    app.add_option("MODEL", words->model, "A model that 'nerfvdb train' made")->required();
+    CLI::App& app = *program.add_subcommand("render", "Make pictures of a model or a volume");
+    words->scene.add(app);
     app.add_option("--data", words->data, "Take the cameras of a data set")->type_name("DATA");
     words->dataset.add(app);
     app.add_option("--path", words->path, "Take the cameras of a nerfstudio camera path")

@@ -27,7 +27,7 @@ void writeTruth(const SyntheticScene& scene, const std::filesystem::path& folder
                 Report& report, Json& json) {
     report.begin("truth", 0);
     const Model truth = sampleScene(scene, resolution);
-    exportVdb(truth, folder / "truth.vdb");
+    exportVdb(truth, folder / "truth.vdb", {}, report);
     writeMesh(folder / "truth.ply", extractSurface(truth, {}, report));
     report.end();
     json["truth_iso"] = automaticIso(truth.field);

@@ -65,6 +65,22 @@ std::vector<std::int64_t> parseSteps(const std::string& where, const std::string
     }
 }
 
+Vec3f parseColor(const std::string& where, const std::string& text) {
+    if (text == "white") return Vec3f::Ones();
+    if (text == "black") return Vec3f::Zero();
+    Vec3f color;
+    const char* at = text.data();
+    const char* const end = text.data() + text.size();
+    for (int c = 0; c < 3; ++c) {
+        const auto [rest, error] = std::from_chars(at, end, color[c]);
+        const bool is_last = c == 2;
+        if (error != std::errc() || !(color[c] >= 0 && color[c] <= 1) || (is_last ? rest != end : *rest != ','))
+            throw UsageError(where, quoted(text), "white, black or three numbers from 0 to 1 such as 0.2,0.4,1");
+        at = rest + 1;
+    }
+    return color;
+}
+
 Box parseBounds(const std::string& where, const std::vector<double>& numbers) {
     const std::string expected = "six numbers x0 y0 z0 x1 y1 z1 with x0 < x1, y0 < y1, z0 < z1";
     if (numbers.size() != 6) throw UsageError(where, std::to_string(numbers.size()) + " numbers", expected);

@@ -21,6 +21,9 @@ std::size_t parseSize(const std::string& where, const std::string& text);
 /// "4000" or "100,400,2000" -> positive whole numbers.
 std::vector<std::int64_t> parseSteps(const std::string& where, const std::string& text);
 
+/// "white", "black" or "0.2,0.4,1" -> sRGB values in [0, 1].
+Vec3f parseColor(const std::string& where, const std::string& text);
+
 /// {x0, y0, z0, x1, y1, z1} -> a box with positive size.
 Box parseBounds(const std::string& where, const std::vector<double>& numbers);
 

@@ -12,7 +12,8 @@ int main(int argc, char** argv) try {
     const std::filesystem::path path = argc > 1 ? argv[1] : "sphere.vdb";
     const auto scene = nerfvdb::makeSyntheticScene("sphere");
     const nerfvdb::Model model = nerfvdb::sampleScene(*scene, 64);
-    const nerfvdb::ExportVdbReport report = nerfvdb::exportVdb(model, path);
+    nerfvdb::Report silent;
+    const nerfvdb::ExportVdbReport report = nerfvdb::exportVdb(model, path, {}, silent);
     std::cout << path << ": " << report.active_voxels << " active voxels\n";
 } catch (const nerfvdb::Error& error) {
     std::cerr << error.what() << '\n';

@@ -168,6 +168,10 @@ ExportVdbReport exportVdb(const Model& model, const std::filesystem::path& path,
     }
     if (has_color && !has_view_colors) decodeColors(model, volume);
 
+    if (activeCount(volume) == 0)
+        throw DataError("export", "nothing that a camera of the model sees", "a part of the scene that was photographed",
+                        "choose other bounds");
+
     ExportVdbReport written;
     written.active_voxels = activeCount(volume);
     written.left_out = n_candidates - written.active_voxels;
@@ -178,11 +182,12 @@ ExportVdbReport exportVdb(const Model& model, const std::filesystem::path& path,
     }
 
     const auto [low, high] = activeBox(volume);
-    volume.place(options.placement);
-    written.voxel_size = volume.frame().voxel_size;
     written.bounds = {volume.frame().worldFromIndex(low.cast<double>()),
                       volume.frame().worldFromIndex(high.cast<double>())};
     written.box_voxels = high - low + Vec3i::Ones();
+    written.placement = placementOf(options.placement, written.bounds);
+    volume.place(written.placement);
+    written.voxel_size = volume.frame().voxel_size;
 
     WriteVolumeOptions write;
     write.half = options.half;

@@ -11,6 +11,7 @@
 #include "core/report.h"
 #include "core/similarity.h"
 #include "core/types.h"
+#include "export/placement.h"
 #include "export/volume_loss.h"
 #include "vdb/model.h"
 
@@ -31,7 +32,7 @@ struct ExportVdbOptions {
     double max_resolution = 0;        // voxels along the longest side of what is written; 0: as the model
     double max_voxels = 0;            // active voxels; 0: no limit
     std::optional<Box> bounds;        // only what lies inside, world units of the model
-    Similarity placement;             // from the model's world to that of the file
+    PlacementOptions placement;       // where the file's world has what is written
     int tiles = 1;                    // files, slabs along the longest side, on the same voxels
     bool half = true;                 // 16-bit floats where they can say every value, else 32
 };
@@ -46,9 +47,10 @@ struct ExportVdbReport {
     std::size_t active_voxels = 0;   // of "density", of all files
     std::size_t left_out = 0;        // voxels that stop light, but show to nobody
     std::size_t bytes = 0;
-    double voxel_size = 0;           // world units of the file
-    Box bounds;                      // of the active voxels, before they are turned (Volume::worldFromGrid)
-    Vec3i box_voxels = Vec3i::Zero();  // of these bounds, what programs make dense
+    Similarity placement;            // from the model's world to the file's
+    double voxel_size = 0;           // units of the file
+    Box bounds;                      // of the active voxels, in the model's world
+    Vec3i box_voxels = Vec3i::Zero();  // of these bounds, which some programs make dense
     bool half = false;               // density is stored as half
     bool has_view_colors = false;    // colours are as the training views saw them
     std::optional<VolumeLoss> loss;  // on held-out views, else on training views; absent if the model names none

@@ -126,9 +126,10 @@ std::vector<LeafMask> collectColors(const Model& model, std::span<const Camera> 
             std::fill_n(tile.kept.dl_draw.begin(), tile.kept.n, 0.0f);
             tile.dl_dray_features.assign(static_cast<std::size_t>(PairedTile::kMostRays) * kChannels, 0.0f);
             for (std::size_t r = 0; r < rays.size(); ++r) {
+                if (!(paired.model.weight()[r] > 0)) continue;  // its colour is what the decoder makes of nothing
                 float* const out = &tile.dl_dray_features[r * kChannels];
                 std::copy_n(&paired.rgb[3 * r], 3, out);
-                out[3] = paired.model.weight()[r] > 0 ? 1.0f : 0.0f;
+                out[3] = 1;
             }
             tile.bin(volume.topology());
         });

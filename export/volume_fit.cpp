@@ -15,7 +15,8 @@ namespace {
 
 constexpr int kTileRays = PairedTile::kMostRays;
 constexpr int kChannels = Volume::kChannels;
-constexpr float kThickest = 4.0f;     // optical depth over a voxel with which a fit begins
+constexpr float kThickest = 4.0f;     // optical depth over a voxel with which a fit begins ...
+constexpr float kOpaque = 16.0f;      // ... and the most that it can reach: alpha = 1 - 1e-7
 constexpr float kNothing = 1e-12f;    // sigma from which a voxel without density could grow
 constexpr float kDarkestRoot = 0.01f;  // darker, a root has no slope left to leave by; linear 1e-4 shows as black
 
@@ -137,6 +138,7 @@ void VolumeFit::move(int step) {
     const RmsPropRates rates{.density_rate = options_.density_rate * left, .feature_rate = options_.color_rate * left,
                              .decay = 0.95f, .epsilon = 1e-4f, .sparsity = 0, .density_smoothing = 0,
                              .feature_smoothing = 0};
+    const auto largest = static_cast<float>(std::log(kOpaque / volume_.frame().voxel_size));
     gradients([&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask&) {
         const std::size_t first = static_cast<std::size_t>(leaf) * kLeafVoxels;
         float* const sigma = &volume_.sigma()[first];
@@ -152,6 +154,7 @@ void VolumeFit::move(int step) {
                           &density_moment_[first], root, &color_moment_[first]);
         const LeafMask& active = volume_.active()[leaf];
         forEachBit(touched, [&](int offset) {
+            log_sigma_[first + offset] = std::min(log_sigma_[first + offset], largest);
             if (testBit(active, offset)) sigma[offset] = std::exp(log_sigma_[first + offset]);
             for (int c = offset * kChannels; c < offset * kChannels + 3; ++c) {
                 root[c] = std::clamp(root[c], kDarkestRoot, 1.0f);

@@ -34,8 +34,14 @@ Image photoOver(const Photo& photo, const Vec3f& background) {
 
 Evaluation evaluate(const Model& model, const Dataset& dataset, const EvaluateOptions& options, Report& report,
                     const std::function<void(const ViewScore&, const Image& rgb)>& on_view) {
-    if (options.every < 1)
-        throw UsageError("every", std::to_string(options.every), "a positive number of views");
+    const Renderer renderer(model, options.render);
+    return evaluate([&](const Camera& camera) { return renderer.render(camera); }, model.background, dataset,
+                    options.every, report, on_view);
+}
+
+Evaluation evaluate(const RenderView& render, const Vec3f& background, const Dataset& dataset, int every_nth,
+                    Report& report, const std::function<void(const ViewScore&, const Image& rgb)>& on_view) {
+    if (every_nth < 1) throw UsageError("every", std::to_string(every_nth), "a positive number of views");
     if (dataset.views.empty()) throw DataError(dataset.root.string(), "no views", "at least one view to score");
     for (const View& view : dataset.views)
         if (view.photo.width != view.camera.width || view.photo.height != view.camera.height)
@@ -43,8 +49,7 @@ Evaluation evaluate(const Model& model, const Dataset& dataset, const EvaluateOp
                             "a photograph of " + sizeOf(view.photo.width, view.photo.height),
                             "its camera's " + sizeOf(view.camera.width, view.camera.height));
 
-    const Renderer renderer(model, options.render);
-    const auto every = static_cast<std::size_t>(options.every);
+    const auto every = static_cast<std::size_t>(every_nth);
     Evaluation result;
     report.begin("evaluate", static_cast<std::int64_t>((dataset.views.size() + every - 1) / every));
     for (std::size_t index = 0; index < dataset.views.size(); index += every) {
@@ -52,10 +57,10 @@ Evaluation evaluate(const Model& model, const Dataset& dataset, const EvaluateOp
         const View& view = dataset.views[index];
 
         const auto begin = std::chrono::steady_clock::now();
-        const RenderedImage picture = renderer.render(view.camera);
+        const RenderedImage picture = render(view.camera);
         const std::chrono::duration<double> seconds = std::chrono::steady_clock::now() - begin;
 
-        const Image truth = photoOver(view.photo, model.background);
+        const Image truth = photoOver(view.photo, background);
         ViewScore score;
         score.index = index;
         score.psnr = psnr(picture.rgb, truth);

@@ -42,8 +42,9 @@ namespace {
 
 constexpr std::int32_t kFormat = 2;
 constexpr const char* kBytesType = "nerfvdb_bytes";
-// The name that tells a model from other files; it stands near the start of every model.
-constexpr const char* kMark = "nerfvdb_cells";
+// The name that tells a model from other files: of the facts that are no grid, the first (they stand in the order of
+// names), and so near the start of every model.
+constexpr const char* kMark = "nerfvdb_background";
 constexpr int kMaxDims = 1 << 16;
 
 static_assert(std::endian::native == std::endian::little, "weights are written as they lie in memory");
@@ -162,10 +163,21 @@ private:
     std::string path_;
 };
 
+constexpr std::size_t kBeginning = 4096;  // bytes among which the mark stands
+
+std::string readBeginning(const std::filesystem::path& path) {
+    std::ifstream file(path, std::ios::binary);
+    std::string bytes(kBeginning, '\0');
+    if (!file || (!file.read(bytes.data(), kBeginning) && !file.eof()))
+        throw IoError(path.string(), "a file that cannot be read", "a readable file", "check path and permissions");
+    bytes.resize(static_cast<std::size_t>(file.gcount()));
+    return bytes;
+}
+
 /// A model is intact before anything in it is looked at; else says what the file is instead.
 void checkFile(const std::filesystem::path& path) {
     std::string bytes = readFile(path);
-    const std::string_view beginning = std::string_view(bytes).substr(0, 4096);
+    const std::string_view beginning = std::string_view(bytes).substr(0, kBeginning);
     const bool marked = beginning.find(kMark) != std::string_view::npos;
     switch (checkVdbSeal(bytes)) {
         case VdbSeal::not_vdb:
@@ -313,12 +325,10 @@ std::vector<GridFacts> listGrids(const std::filesystem::path& path) {
     }
 }
 
-bool isVdbFile(const std::filesystem::path& path) {
-    std::ifstream file(path, std::ios::binary);
-    std::string bytes(8, '\0');
-    if (!file || (!file.read(bytes.data(), 8) && !file.eof()))
-        throw IoError(path.string(), "a file that cannot be read", "a readable file", "check path and permissions");
-    return hasVdbMagic(bytes);
+bool isModelFile(const std::filesystem::path& path) {
+    return readBeginning(path).find(kMark) != std::string::npos && isVdbFile(path);
 }
+
+bool isVdbFile(const std::filesystem::path& path) { return hasVdbMagic(readBeginning(path)); }
 
 }  // namespace nerfvdb

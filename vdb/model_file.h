@@ -30,6 +30,9 @@ struct GridFacts {
 /// The grids that other programs find in a .vdb file. Throws DataError when it is none.
 std::vector<GridFacts> listGrids(const std::filesystem::path& path);
 
+/// True for models, whole or damaged, of any version: not for other .vdb files. Throws as isVdbFile.
+bool isModelFile(const std::filesystem::path& path);
+
 /// True if the file begins as a .vdb does. Throws IoError when it cannot be read.
 bool isVdbFile(const std::filesystem::path& path);
 

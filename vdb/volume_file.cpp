@@ -3,6 +3,7 @@
 
 #include <openvdb/openvdb.h>
 
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
