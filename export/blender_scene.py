@@ -127,6 +127,7 @@ def import_volumes():
         volume.matrix_world = blender_from_exported() @ Matrix.Translation(half_voxel(volume))
         volume.data.materials.clear()
         volume.data.materials.append(material)
+        volume.data.render.clipping = 0  # by default densities below 0.001 are dropped, whatever the unit of length
         volumes.append(volume)
     bpy.context.view_layer.update()
     return volumes
@@ -221,9 +222,9 @@ def use_cycles(volumes, samples):
     scene.render.engine = "CYCLES"
     dims = [volume.data.grids[0].matrix_object.inverted().to_3x3() @ Vector(volume.dimensions) for volume in volumes]
     longest = max(sum(abs(length) for length in dim) for dim in dims)
-    # A step is a voxel; no ray may end before it is through.
+    # Half a voxel a step; no ray may end before it is through.
     set_known(scene.cycles, samples=samples, use_denoising=False, use_adaptive_sampling=False, volume_bounces=0,
-              volume_step_rate=1.0, volume_max_steps=min(65536, max(1024, int(2 * longest))), pixel_filter_type="BOX")
+              volume_step_rate=0.5, volume_max_steps=min(65536, max(1024, int(4 * longest))), pixel_filter_type="BOX")
 
 
 def render(path, size):
