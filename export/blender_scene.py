@@ -17,6 +17,7 @@
 # printed, and each camera carries the numbers as properties: undistort plates before lining them up.
 import argparse
 import json
+import math
 import os
 import sys
 
@@ -50,9 +51,13 @@ def collection(name):
     return made
 
 
-def blender_from_exported():
-    """Blender's z is up."""
-    return Matrix.Rotation(1.5707963267948966, 4, "X") if SCENE["up"] == "y" else Matrix.Identity(4)
+def exported_world():
+    """An empty that all else hangs on: move, turn or scale it, and volume and cameras stay in line."""
+    world = bpy.data.objects.new("Radiance field", None)
+    bpy.context.scene.collection.objects.link(world)
+    if SCENE["up"] == "y":  # Blender's z is up
+        world.rotation_euler.x = math.pi / 2
+    return world
 
 
 # --- the volume -----------------------------------------------------------------------------------------------------
@@ -108,7 +113,7 @@ def emission_and_absorption():
     return material
 
 
-def import_volumes():
+def import_volumes(world):
     material = emission_and_absorption()
     target = collection("Volume")
     volumes = []
@@ -124,24 +129,24 @@ def import_volumes():
             holder.objects.unlink(volume)
         target.objects.link(volume)
         bpy.context.view_layer.update()
-        volume.matrix_world = blender_from_exported() @ Matrix.Translation(half_voxel(volume))
+        volume.parent = world
+        volume.matrix_basis = Matrix.Translation(half_voxel(volume))
         volume.data.materials.clear()
         volume.data.materials.append(material)
         volume.data.render.clipping = 0  # by default densities below 0.001 are dropped, whatever the unit of length
         volumes.append(volume)
-    bpy.context.view_layer.update()
     return volumes
 
 
 # --- the cameras ----------------------------------------------------------------------------------------------------
 
 
-def add_camera(frame, number, target, corners):
+def add_camera(frame, number, world, corners):
     name = frame["file_path"] or f"camera {number}"
     data = bpy.data.cameras.new(name)
     camera = bpy.data.objects.new(name, data)
-    target.objects.link(camera)
-    camera.matrix_world = blender_from_exported() @ Matrix(frame["transform_matrix"])
+    camera.parent = world
+    camera.matrix_basis = Matrix(frame["transform_matrix"])
 
     # Lengths on the sensor are told in widths of the picture; pixels that are not square make it higher or lower.
     width, height, pixel_height = frame["w"], frame["h"], frame["fl_x"] / frame["fl_y"]
@@ -151,7 +156,7 @@ def add_camera(frame, number, target, corners):
     data.shift_x = 0.5 - frame["cx"] / width
     data.shift_y = pixel_height * (frame["cy"] - 0.5 * height) / width
 
-    farthest = max((corner - camera.matrix_world.translation).length for corner in corners)
+    farthest = max((corner - camera.matrix_basis.translation).length for corner in corners)
     data.clip_start, data.clip_end = 1e-4 * farthest, 1.1 * farthest
     data.display_size = 0.03 * farthest
     for key in ("w", "h", "fl_x", "fl_y", "cx", "cy", "k1", "k2", "k3", "p1", "p2"):
@@ -170,18 +175,19 @@ def add_plate(camera, path):
     camera.data.show_background_images = True
 
 
-def add_cameras(volumes, plates):
+def add_cameras(world, volumes, plates):
     if not SCENE["cameras"]:
         return []
     with open(os.path.join(folder(), SCENE["cameras"]), encoding="utf-8") as file:
         frames = json.load(file)["frames"]
-    corners = [volume.matrix_world @ Vector(corner) for volume in volumes for corner in volume.bound_box]
-    groups = {False: "Photographs", True: "Held-out photographs"}
+    corners = [volume.matrix_basis @ Vector(corner) for volume in volumes for corner in volume.bound_box]
+    groups = {False: collection("Photographs")}
+    if any(frame["held_out"] for frame in frames):
+        groups[True] = collection("Held-out photographs")
     cameras = []
     for number, frame in enumerate(frames):
-        group = groups[frame["held_out"]]
-        target = bpy.data.collections.get(group) or collection(group)
-        cameras.append(add_camera(frame, number, target, corners))
+        cameras.append(add_camera(frame, number, world, corners))
+        groups[frame["held_out"]].objects.link(cameras[-1])
         if plates and frame["file_path"]:
             add_plate(cameras[-1], os.path.join(plates, frame["file_path"]))
     distorted = sum(any(frame[key] for key in ("k1", "k2", "k3", "p1", "p2")) for frame in frames)
@@ -242,8 +248,9 @@ def main():
     if bpy.app.background:
         for thing in list(bpy.data.objects):  # of the start-up file
             bpy.data.objects.remove(thing)
-    volumes = import_volumes()
-    cameras = add_cameras(volumes, options.plates)
+    world = exported_world()
+    volumes = import_volumes(world)
+    cameras = add_cameras(world, volumes, options.plates)
     show_colours_as_they_are()
     if cameras:
         if not 0 <= options.camera < len(cameras):

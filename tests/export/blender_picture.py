@@ -2,8 +2,8 @@
 # Real Blender shows an exported volume as nerfvdb does, and opens its meshes:
 #   blender --background --factory-startup --python-exit-code 1 --python blender_picture.py -- \
 #       SCRIPT.blender.py NAME:TYPE,NAME:TYPE CAMERA PICTURE.png OPACITY.png MESH...
-# Runs the script that was exported beside the volume, with --render and --camera CAMERA, then compares with PICTURE, over
-# a white background, and OPACITY, nerfvdb's own from the same camera. Meshes must come with colours.
+# Runs the script that was exported beside the volume, with --render and --camera CAMERA, then compares with PICTURE
+# (over a white background) and OPACITY, nerfvdb's own from the same camera. Meshes must come with colours.
 import os
 import runpy
 import sys
@@ -101,4 +101,4 @@ for path in meshes:
     values = np.empty(4 * len(attribute.data))
     attribute.data.foreach_get("color", values)
     assert values.reshape(-1, 4)[:, :3].std() > 0.02, f"{path}: colours that are all alike"
-    print(f"{path}: {len(mesh.polygons)} faces, colours in '{attribute.name}' ({attribute.domain}, {attribute.data_type})")
+    print(f"{path}: {len(mesh.polygons)} faces, {attribute.data_type} '{attribute.name}' for each {attribute.domain}")
