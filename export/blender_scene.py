@@ -45,6 +45,13 @@ def folder():
     return os.path.dirname(os.path.abspath(path))
 
 
+def fail(message):
+    """Ends the script, and Blender with it only where nobody's work is open."""
+    if bpy.app.background:
+        sys.exit(message)
+    raise RuntimeError(message)
+
+
 def collection(name):
     made = bpy.data.collections.new(name)
     bpy.context.scene.collection.children.link(made)
@@ -120,11 +127,11 @@ def import_volumes(world):
     for name in SCENE["volumes"]:
         path = os.path.join(folder(), name)
         if not os.path.exists(path):
-            sys.exit(f"{path}: found no file, expected the volume that was exported with this script")
+            fail(f"{path}: found no file, expected the volume that was exported with this script")
         bpy.ops.object.volume_import(filepath=path)
         volume = bpy.context.object
         if not volume.data.grids.load():
-            sys.exit(f"{path}: {volume.data.grids.error_message}")
+            fail(f"{path}: {volume.data.grids.error_message}")
         for holder in list(volume.users_collection):
             holder.objects.unlink(volume)
         target.objects.link(volume)
@@ -245,8 +252,8 @@ def render(path, size):
 
 def main():
     options = words()
-    if bpy.app.background:
-        for thing in list(bpy.data.objects):  # of the start-up file
+    if not bpy.data.filepath and not getattr(bpy.context, "space_data", None):
+        for thing in list(bpy.data.objects):  # the start-up file's: started from a command line, without another one
             bpy.data.objects.remove(thing)
     world = exported_world()
     volumes = import_volumes(world)
@@ -254,14 +261,14 @@ def main():
     show_colours_as_they_are()
     if cameras:
         if not 0 <= options.camera < len(cameras):
-            sys.exit(f"--camera: found {options.camera}, expected 0 to {len(cameras) - 1}")
+            fail(f"--camera: found {options.camera}, expected 0 to {len(cameras) - 1}")
         look_through(cameras[options.camera])
     use_cycles(volumes, options.samples)
     if options.save:
         bpy.ops.wm.save_as_mainfile(filepath=os.path.abspath(options.save))
     if options.render:
         if not cameras:
-            sys.exit("--render: found no camera, expected one; the model was made without")
+            fail("--render: found no camera, expected one; the model was made without")
         render(options.render, options.size)
 
 
