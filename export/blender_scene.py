@@ -17,6 +17,7 @@
 # printed, and each camera carries the numbers as properties: undistort plates before lining them up.
 import argparse
 import json
+import math
 import os
 import sys
 
@@ -44,15 +45,26 @@ def folder():
     return os.path.dirname(os.path.abspath(path))
 
 
+def fail(message):
+    """Ends the script, and Blender with it only where nobody's work is open."""
+    if bpy.app.background:
+        sys.exit(message)
+    raise RuntimeError(message)
+
+
 def collection(name):
     made = bpy.data.collections.new(name)
     bpy.context.scene.collection.children.link(made)
     return made
 
 
-def blender_from_exported():
-    """Blender's z is up."""
-    return Matrix.Rotation(1.5707963267948966, 4, "X") if SCENE["up"] == "y" else Matrix.Identity(4)
+def exported_world():
+    """An empty that all else hangs on: move, turn or scale it, and volume and cameras stay in line."""
+    world = bpy.data.objects.new("Radiance field", None)
+    bpy.context.scene.collection.objects.link(world)
+    if SCENE["up"] == "y":  # Blender's z is up
+        world.rotation_euler.x = math.pi / 2
+    return world
 
 
 # --- the volume -----------------------------------------------------------------------------------------------------
@@ -108,39 +120,40 @@ def emission_and_absorption():
     return material
 
 
-def import_volumes():
+def import_volumes(world):
     material = emission_and_absorption()
     target = collection("Volume")
     volumes = []
     for name in SCENE["volumes"]:
         path = os.path.join(folder(), name)
         if not os.path.exists(path):
-            sys.exit(f"{path}: found no file, expected the volume that was exported with this script")
+            fail(f"{path}: found no file, expected the volume that was exported with this script")
         bpy.ops.object.volume_import(filepath=path)
         volume = bpy.context.object
         if not volume.data.grids.load():
-            sys.exit(f"{path}: {volume.data.grids.error_message}")
+            fail(f"{path}: {volume.data.grids.error_message}")
         for holder in list(volume.users_collection):
             holder.objects.unlink(volume)
         target.objects.link(volume)
         bpy.context.view_layer.update()
-        volume.matrix_world = blender_from_exported() @ Matrix.Translation(half_voxel(volume))
+        volume.parent = world
+        volume.matrix_basis = Matrix.Translation(half_voxel(volume))
         volume.data.materials.clear()
         volume.data.materials.append(material)
+        volume.data.render.clipping = 0  # by default densities below 0.001 are dropped, whatever the unit of length
         volumes.append(volume)
-    bpy.context.view_layer.update()
     return volumes
 
 
 # --- the cameras ----------------------------------------------------------------------------------------------------
 
 
-def add_camera(frame, number, target, corners):
+def add_camera(frame, number, world, corners):
     name = frame["file_path"] or f"camera {number}"
     data = bpy.data.cameras.new(name)
     camera = bpy.data.objects.new(name, data)
-    target.objects.link(camera)
-    camera.matrix_world = blender_from_exported() @ Matrix(frame["transform_matrix"])
+    camera.parent = world
+    camera.matrix_basis = Matrix(frame["transform_matrix"])
 
     # Lengths on the sensor are told in widths of the picture; pixels that are not square make it higher or lower.
     width, height, pixel_height = frame["w"], frame["h"], frame["fl_x"] / frame["fl_y"]
@@ -150,7 +163,7 @@ def add_camera(frame, number, target, corners):
     data.shift_x = 0.5 - frame["cx"] / width
     data.shift_y = pixel_height * (frame["cy"] - 0.5 * height) / width
 
-    farthest = max((corner - camera.matrix_world.translation).length for corner in corners)
+    farthest = max((corner - camera.matrix_basis.translation).length for corner in corners)
     data.clip_start, data.clip_end = 1e-4 * farthest, 1.1 * farthest
     data.display_size = 0.03 * farthest
     for key in ("w", "h", "fl_x", "fl_y", "cx", "cy", "k1", "k2", "k3", "p1", "p2"):
@@ -169,18 +182,19 @@ def add_plate(camera, path):
     camera.data.show_background_images = True
 
 
-def add_cameras(volumes, plates):
+def add_cameras(world, volumes, plates):
     if not SCENE["cameras"]:
         return []
     with open(os.path.join(folder(), SCENE["cameras"]), encoding="utf-8") as file:
         frames = json.load(file)["frames"]
-    corners = [volume.matrix_world @ Vector(corner) for volume in volumes for corner in volume.bound_box]
-    groups = {False: "Photographs", True: "Held-out photographs"}
+    corners = [volume.matrix_basis @ Vector(corner) for volume in volumes for corner in volume.bound_box]
+    groups = {False: collection("Photographs")}
+    if any(frame["held_out"] for frame in frames):
+        groups[True] = collection("Held-out photographs")
     cameras = []
     for number, frame in enumerate(frames):
-        group = groups[frame["held_out"]]
-        target = bpy.data.collections.get(group) or collection(group)
-        cameras.append(add_camera(frame, number, target, corners))
+        cameras.append(add_camera(frame, number, world, corners))
+        groups[frame["held_out"]].objects.link(cameras[-1])
         if plates and frame["file_path"]:
             add_plate(cameras[-1], os.path.join(plates, frame["file_path"]))
     distorted = sum(any(frame[key] for key in ("k1", "k2", "k3", "p1", "p2")) for frame in frames)
@@ -221,9 +235,9 @@ def use_cycles(volumes, samples):
     scene.render.engine = "CYCLES"
     dims = [volume.data.grids[0].matrix_object.inverted().to_3x3() @ Vector(volume.dimensions) for volume in volumes]
     longest = max(sum(abs(length) for length in dim) for dim in dims)
-    # A step is a voxel; no ray may end before it is through.
+    # Half a voxel a step; no ray may end before it is through.
     set_known(scene.cycles, samples=samples, use_denoising=False, use_adaptive_sampling=False, volume_bounces=0,
-              volume_step_rate=1.0, volume_max_steps=min(65536, max(1024, int(2 * longest))), pixel_filter_type="BOX")
+              volume_step_rate=0.5, volume_max_steps=min(65536, max(1024, int(4 * longest))), pixel_filter_type="BOX")
 
 
 def render(path, size):
@@ -238,22 +252,23 @@ def render(path, size):
 
 def main():
     options = words()
-    if bpy.app.background:
-        for thing in list(bpy.data.objects):  # of the start-up file
+    if not bpy.data.filepath and not getattr(bpy.context, "space_data", None):
+        for thing in list(bpy.data.objects):  # the start-up file's: started from a command line, without another one
             bpy.data.objects.remove(thing)
-    volumes = import_volumes()
-    cameras = add_cameras(volumes, options.plates)
+    world = exported_world()
+    volumes = import_volumes(world)
+    cameras = add_cameras(world, volumes, options.plates)
     show_colours_as_they_are()
     if cameras:
         if not 0 <= options.camera < len(cameras):
-            sys.exit(f"--camera: found {options.camera}, expected 0 to {len(cameras) - 1}")
+            fail(f"--camera: found {options.camera}, expected 0 to {len(cameras) - 1}")
         look_through(cameras[options.camera])
     use_cycles(volumes, options.samples)
     if options.save:
         bpy.ops.wm.save_as_mainfile(filepath=os.path.abspath(options.save))
     if options.render:
         if not cameras:
-            sys.exit("--render: found no camera, expected one; the model was made without")
+            fail("--render: found no camera, expected one; the model was made without")
         render(options.render, options.size)
 
 

@@ -5,6 +5,7 @@ set -euo pipefail
 program=$1
 scratch=$2
 case_name=$3
+tests=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
 
 rm -rf "$scratch"
 mkdir -p "$scratch"
@@ -328,6 +329,74 @@ test_resume() {
     # Nothing is left to learn: the same model again, its cameras too.
     expect 0 train data --out model.vdb --resume
     cmp model.vdb first.vdb || fail "resuming a run that was over changed the model"
+}
+
+# with_pyopenvdb: a Python that has OpenVDB's module, or nothing. A user's own Python may stand before the system's.
+with_pyopenvdb() {
+    local python
+    for python in python3 /usr/bin/python3; do
+        if "$python" -c 'import pyopenvdb' >/dev/null 2>&1; then
+            echo "$python"
+            return
+        fi
+    done
+}
+
+test_openvdb_tools() {
+    local python file
+    python=$(with_pyopenvdb)
+    if [[ -z "$python" ]] && ! command -v vdb_print >/dev/null; then
+        echo "skipped: neither vdb_print nor pyopenvdb here"
+        exit 77
+    fi
+    tiny_scene --no-truth
+    tiny_model
+    expect 0 export model.vdb --out volume.vdb
+    expect 0 export model.vdb --out grey.vdb --color none
+    for file in model.vdb volume.vdb grey.vdb; do
+        if command -v vdb_print >/dev/null; then
+            vdb_print -l -m $file >out 2>err || fail "vdb_print refuses $file"
+            says out "density"
+            says out "fog volume"
+        fi
+        if [[ -n "$python" ]]; then
+            "$python" -c "import pyopenvdb, sys
+print(*sorted(f'{grid.name}:{grid.valueTypeName}' for grid in pyopenvdb.readAll('$file')[0]))" >out 2>err ||
+                fail "pyopenvdb refuses $file"
+            says out "density:float"
+            if [[ $file == volume.vdb ]]; then says out "color:vec3s"; fi
+        fi
+    done
+}
+
+# in_blender VOLUME GRIDS CAMERA MESH...: Blender shows a volume as the program's own picture does, from the camera
+# that comes first among the held-out ones, CAMERA in the exported file; and opens meshes.
+in_blender() {
+    local stem=${1%.vdb} grids=$2 camera=$3
+    shift 3
+    # Cameras name photographs of the data set.
+    cp "$stem.cameras.json" "data/$stem.json"
+    expect 0 render "$stem.vdb" --data "data/$stem.json" --split test --out "$stem" --opacity
+    blender --background --factory-startup --python-exit-code 1 --python "$tests/../export/blender_picture.py" -- \
+        "$stem.blender.py" "$grids" "$camera" "$stem/0000.png" "$stem/0000.opacity.png" "$@" >out 2>err ||
+        fail "Blender shows something else"
+    grep -E "IoU|faces" out
+}
+
+test_blender() {
+    if ! command -v blender >/dev/null; then
+        echo "skipped: no blender here"
+        exit 77
+    fi
+    expect 0 synth demo --out data --views 24 --val-views 0 --test-views 2 --width 120 --height 120 --no-truth
+    expect 0 train data --out model.vdb --preset fast --steps 4000
+    expect 0 mesh model.vdb --out mesh.ply
+    expect 0 mesh model.vdb --out mesh.obj
+
+    expect 0 export model.vdb --out volume.vdb
+    in_blender volume.vdb color:VECTOR_FLOAT,density:FLOAT 24 mesh.ply mesh.obj
+    expect 0 export model.vdb --out tipped.vdb --scale 10 --up y --center
+    in_blender tipped.vdb color:VECTOR_FLOAT,density:FLOAT 24
 }
 
 # bytes FILE

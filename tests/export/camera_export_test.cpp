@@ -100,13 +100,14 @@ TEST_CASE("the Blender script knows the files beside it") {
     CHECK(script.find("\nmain()\n") == script.size() - 8);
 
     if (std::system("python3 -c pass > /dev/null 2>&1") == 0) {
-        writeAtomically(folder / "check.py",
-                        "import ast, sys\n"
-                        "tree = ast.parse(open(sys.argv[1], encoding='utf-8').read())\n"
-                        "scene, = [ast.literal_eval(line.value) for line in tree.body if isinstance(line, ast.Assign)]\n"
-                        "assert scene == {'volumes': ['it\\'s a \"volume\".vdb', 'b\\\\2.vdb'], 'color': 'Cd', 'up': 'y',\n"
-                        "                 'cameras': 'ä.cameras.json', 'density': 'density'}, scene\n");
-        const std::string command = "python3 " + (folder / "check.py").string() + " " + (folder / "scene.blender.py").string();
+        writeAtomically(folder / "check.py", R"(import ast, sys
+tree = ast.parse(open(sys.argv[1], encoding='utf-8').read())
+scene, = [ast.literal_eval(line.value) for line in tree.body if isinstance(line, ast.Assign)]
+assert scene == {'volumes': ['it\'s a "volume".vdb', 'b\\2.vdb'], 'cameras': 'ä.cameras.json',
+                 'density': 'density', 'color': 'Cd', 'up': 'y'}, scene
+)");
+        const std::string command =
+            "python3 " + (folder / "check.py").string() + " " + (folder / "scene.blender.py").string();
         CHECK(std::system(command.c_str()) == 0);
     }
     for (const char* name : {"", "folder/volume.vdb", "/volume.vdb", "volume.vdb/"})
