@@ -153,7 +153,8 @@ ExportVdbReport exportVdb(const Model& model, const std::filesystem::path& path,
     const double min_alpha = options.min_alpha.value_or(cameras.empty() ? kMinAlphaUnseen : kMinAlphaSeen);
 
     Volume volume = startVolume(model, options, min_alpha);
-    const std::size_t n_candidates = activeCount(volume);
+    const bool is_whole = !options.bounds && volume.frame().voxel_size == model.field.frame().voxel_size;
+    const std::size_t n_candidates = is_whole ? model.field.topology().voxelCount() : activeCount(volume);
     const bool has_color = options.color != ExportVdbOptions::Color::none;
     const bool has_view_colors = options.color == ExportVdbOptions::Color::diffuse && !cameras.empty();
     if (!cameras.empty()) {

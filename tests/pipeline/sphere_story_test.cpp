@@ -45,7 +45,8 @@ double heldOutPsnr(const Model& model) {
 
 /// The exported density, reopened, is the model's own, at every voxel that the file keeps.
 void checkVolume(const Model& model, const std::filesystem::path& path) {
-    const ExportVdbReport report = exportVdb(model, path);
+    Report silent;
+    const ExportVdbReport report = exportVdb(model, path, {}, silent);
     openvdb::initialize();
     openvdb::io::File file(path.string());
     file.open();
