@@ -30,8 +30,8 @@ void forEachColored(const Topology& topology, std::span<const LeafMask> colored,
     }
 }
 
-/// Voxels beside coloured ones get the mean of their colours, twice over.
-void colorBorder(std::vector<LeafMask> colored, Volume& volume) {
+/// Voxels beside coloured ones get the mean of their colours, twice over. Returns which have a colour then.
+std::vector<LeafMask> colorBorder(std::vector<LeafMask> colored, Volume& volume) {
     const Topology& topology = volume.topology();
     const std::span<float> color = volume.color();
     for (int round = 0; round < kBorderRounds; ++round) {
@@ -56,6 +56,7 @@ void colorBorder(std::vector<LeafMask> colored, Volume& volume) {
         });
         colored = std::move(next);
     }
+    return colored;
 }
 
 }  // namespace
@@ -162,7 +163,9 @@ std::vector<LeafMask> collectColors(const Model& model, std::span<const Camera> 
             for (int c = 0; c < 3; ++c) volume.color()[first + c] = linearFromSrgb(sums[first + c] / weight);
         });
     });
-    colorBorder(std::move(colored), volume);
+    colored = colorBorder(std::move(colored), volume);
+    for (std::size_t leaf = 0; leaf < seen.size(); ++leaf)
+        for (int word = 0; word < kLeafWords; ++word) seen[leaf][word] &= colored[leaf][word];
     return seen;
 }
 

@@ -24,7 +24,8 @@ struct CollectOptions {
 
 /// To every voxel the mean colour of the model's rays that see it, from cameras of the model's world, weighted by how
 /// much of the ray's light comes from there: diffuse, where reflections were seen from few sides. Voxels around
-/// those that were seen get the mean of their neighbours, others none. Returns [leaf] the voxels that were seen.
+/// those that were seen get the mean of their neighbours, others none. Returns [leaf] the voxels that were seen, and
+/// not only by a volume that is fatter than the model: far from any colour.
 /// The same for any number of threads. Throws Interrupted.
 std::vector<LeafMask> collectColors(const Model& model, std::span<const Camera> cameras, const CollectOptions& options,
                                     Volume& volume, Report& report);

@@ -11,12 +11,15 @@
 #include "core/atomic_file.h"
 #include "core/error.h"
 #include "core/image.h"
+#include "core/metrics.h"
 #include "core/parallel.h"
 #include "tests/support/catch.h"
 #include "tests/support/data.h"
-#include "tests/support/shell_model.h"
+#include "tests/support/seen_model.h"
 #include "tests/support/temp_dir.h"
 #include "vdb/model_file.h"
+#include "vdb/volume_file.h"
+#include "vdb/volume_renderer.h"
 
 using namespace nerfvdb;
 using test::shellModel;
@@ -158,6 +161,126 @@ TEST_CASE("a model with nothing visible is refused, and nothing is written") {
     for (float& raw : model.field.density()) raw = kEmptyRaw;
     CHECK_THROWS_WITH(exportVdb(model, folder / "a.vdb", {}, silent), Contains("a model without density"));
     CHECK(fs::is_empty(folder.path()));
+}
+
+TEST_CASE("a model that names its cameras is exported as they saw it, fitted and measured") {
+    const TempDir folder;
+    const Model model = test::seenModel(32);
+    ExportVdbOptions options;
+    options.fit_steps = 0;
+    const ExportVdbReport rough = exportVdb(model, folder / "rough.vdb", options, silent);
+    options.fit_steps = 100;
+    const ExportVdbReport fitted = exportVdb(model, folder / "fitted.vdb", options, silent);
+    options.color = ExportVdbOptions::Color::mean;
+    const ExportVdbReport mean = exportVdb(model, folder / "mean.vdb", options, silent);
+    for (const ExportVdbReport* report : {&rough, &fitted, &mean}) {
+        REQUIRE(report->loss.has_value());
+        CHECK(report->loss->views == 2);  // the held-out ones
+    }
+    CHECK(fitted.has_view_colors);
+    CHECK_FALSE(mean.has_view_colors);
+    CHECK(fitted.loss->psnr > rough.loss->psnr + 2);
+    CHECK(fitted.loss->psnr > mean.loss->psnr + 1);
+
+    // What the report says of the volume is what the file shows.
+    const VolumeFile file = readVolume(folder / "fitted.vdb");
+    std::vector<Camera> held_out{model.cameras[6].camera, model.cameras[7].camera};
+    CHECK(measureLoss(model, file.volume, held_out, silent).psnr == Approx(fitted.loss->psnr).margin(0.1));  // half
+    CHECK(file.background == model.background);
+
+    const ThreadLimit one(1);
+    options.color = ExportVdbOptions::Color::diffuse;
+    exportVdb(model, folder / "again.vdb", options, silent);
+    CHECK(readFile(folder / "again.vdb") == readFile(folder / "fitted.vdb"));
+}
+
+TEST_CASE("limits are kept, by coarser voxels") {
+    const TempDir folder;
+    const Model model = test::seenModel(48);
+    ExportVdbOptions options;
+    options.fit_steps = 0;
+    const ExportVdbReport whole = exportVdb(model, folder / "whole.vdb", options, silent);
+    options.max_resolution = 20;
+    const ExportVdbReport coarse = exportVdb(model, folder / "coarse.vdb", options, silent);
+    CHECK(coarse.box_voxels.maxCoeff() <= 20);
+    CHECK(coarse.box_voxels.maxCoeff() >= 18);
+    CHECK(coarse.voxel_size > whole.voxel_size * 1.5);
+    options.max_resolution = 0;
+    options.max_voxels = 2000;
+    const ExportVdbReport few = exportVdb(model, folder / "few.vdb", options, silent);
+    CHECK(few.active_voxels <= 2000);
+    CHECK(few.active_voxels > 800);
+    options.max_voxels = 1;
+    CHECK_THROWS_AS(exportVdb(model, folder / "none.vdb", options, silent), Error);  // one voxel is no scene
+    CHECK_FALSE(fs::exists(folder / "none.vdb"));
+}
+
+TEST_CASE("tiles line up: together they are the whole volume, voxel by voxel") {
+    const TempDir folder;
+    const Model model = test::seenModel(48);
+    ExportVdbOptions options;
+    options.fit_steps = 0;
+    options.half = false;
+    exportVdb(model, folder / "whole.vdb", options, silent);
+    options.tiles = 3;
+    const ExportVdbReport report = exportVdb(model, folder / "part.vdb", options, silent);
+    CHECK(exportPaths(folder / "part.vdb", 3) ==
+          std::vector<fs::path>{folder / "part.000.vdb", folder / "part.001.vdb", folder / "part.002.vdb"});
+    const auto whole = gridNamed<openvdb::FloatGrid>(folder / "whole.vdb", "density");
+    const auto whole_color = gridNamed<openvdb::Vec3SGrid>(folder / "whole.vdb", "color");
+    std::size_t n = 0, wrong = 0;
+    REQUIRE(report.files.size() == 3);
+    for (const ExportVdbReport::File& file : report.files) {
+        const auto part = gridNamed<openvdb::FloatGrid>(file.path, "density");
+        const auto color = gridNamed<openvdb::Vec3SGrid>(file.path, "color");
+        wrong += !(part->transform() == whole->transform());
+        CHECK(part->activeVoxelCount() == file.active_voxels);
+        CHECK(file.active_voxels > 0.15 * static_cast<double>(whole->activeVoxelCount()));
+        for (auto value = part->cbeginValueOn(); value; ++value, ++n)
+            wrong += *value != whole->tree().getValue(value.getCoord());
+        for (auto value = color->cbeginValueOn(); value; ++value)
+            wrong += *value != whole_color->tree().getValue(value.getCoord());
+    }
+    CHECK(wrong == 0);
+    CHECK(n == whole->activeVoxelCount());  // each once
+}
+
+TEST_CASE("bounds, scale, up and origin: the file stands where the report says") {
+    const TempDir folder;
+    const Model model = test::seenModel(48);
+    const Box whole = model.field.worldBox();
+    ExportVdbOptions options;
+    options.fit_steps = 0;
+    options.bounds = Box{whole.min, {whole.max.x(), whole.max.y(), whole.center().z()}};
+    options.placement = {.scale = 10, .source_up = UpAxis::z, .up = UpAxis::y, .origin = PlacementOptions::Origin::ground};
+    const ExportVdbReport report = exportVdb(model, folder / "a.vdb", options, silent);
+    CHECK(report.bounds.max.z() <= whole.center().z());
+    CHECK(report.voxel_size == Approx(10 * model.field.frame().voxel_size));
+    const auto density = gridNamed<openvdb::FloatGrid>(folder / "a.vdb", "density");
+    double lowest = 1e9;
+    Vec3d sum = Vec3d::Zero();
+    for (auto value = density->cbeginValueOn(); value; ++value) {
+        const Vec3d at(density->indexToWorld(value.getCoord()).asPointer());
+        lowest = std::min(lowest, at.y());
+        sum += at;
+    }
+    CHECK(lowest == Approx(0).margin(0.6 * report.voxel_size));
+    const Vec3d mean = sum / static_cast<double>(density->activeVoxelCount());
+    CHECK(std::abs(mean.x()) < 1);  // of a size of 24
+    CHECK(std::abs(mean.z()) < 1);
+    CHECK(mean.y() > 2);
+
+    // Seen from a camera that was moved with it, it is the same picture as from the old place without.
+    ExportVdbOptions still = options;
+    still.placement = {};
+    exportVdb(model, folder / "b.vdb", still, silent);
+    const VolumeFile moved = readVolume(folder / "a.vdb"), left = readVolume(folder / "b.vdb");
+    const Camera camera = model.cameras[0].camera;
+    const RenderedImage there = VolumeRenderer(moved.volume, {}).render(report.placement.apply(camera));
+    const RenderedImage here = VolumeRenderer(left.volume, {}).render(camera);
+    CHECK(psnr(there.rgb, here.rgb) > 50);  // half precision of other numbers
+    options.bounds = Box{whole.max + Vec3d::Ones(), whole.max + Vec3d::Constant(2)};
+    CHECK_THROWS_WITH(exportVdb(model, folder / "c.vdb", options, silent), Contains("no density within the bounds"));
 }
 
 TEST_CASE("exports that cannot be are refused") {
