@@ -376,7 +376,7 @@ in_blender() {
     shift 3
     # Cameras name photographs of the data set.
     cp "$stem.cameras.json" "data/$stem.json"
-    expect 0 render "$stem.vdb" --data "data/$stem.json" --split test --out "$stem" --opacity
+    expect 0 render "$stem.vdb" --data "data/$stem.json" --split test --out "$stem" --opacity --width 480
     blender --background --factory-startup --python-exit-code 1 --python "$tests/../export/blender_picture.py" -- \
         "$stem.blender.py" "$grids" "$camera" "$stem/0000.png" "$stem/0000.opacity.png" "$@" >out 2>err ||
         fail "Blender shows something else"
