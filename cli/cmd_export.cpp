@@ -5,7 +5,10 @@
 #include "cli/process.h"
 #include "cli/quantities.h"
 #include "core/error.h"
+#include "export/blender_memory.h"
 #include "export/camera_export.h"
+#include "export/level_set.h"
+#include "export/marching_cubes.h"
 #include "export/vdb_export.h"
 #include "vdb/model_file.h"
 
@@ -16,10 +19,10 @@ using Color = ExportVdbOptions::Color;
 using Origin = PlacementOptions::Origin;
 
 struct ExportWords {
-    std::string model, out, color = "diffuse", up, source_up = "z";
+    std::string model, out, color = "diffuse", up, source_up = "z", blender_memory;
     std::vector<double> bounds;
     double min_alpha = -1;
-    bool full_precision = false, center = false, ground = false, volume_only = false;
+    bool full_precision = false, center = false, ground = false, volume_only = false, level_set = false;
     ExportVdbOptions options;
     SharedOptions shared;
 };
@@ -31,6 +34,9 @@ ExportVdbOptions exportOptions(const ExportWords& words) {
     options.color = words.color == "none" ? Color::none : words.color == "mean" ? Color::mean : Color::diffuse;
     if (words.min_alpha >= 0) options.min_alpha = words.min_alpha;
     if (!words.bounds.empty()) options.bounds = parseBounds("--bounds", words.bounds);
+    if (!words.blender_memory.empty())
+        options.max_blender_bytes =
+            static_cast<double>(parseSize("--blender-memory", words.blender_memory));
     options.half = !words.full_precision;
     options.placement.source_up = upAxis(words.source_up);
     if (!words.up.empty()) options.placement.up = upAxis(words.up);
@@ -43,14 +49,15 @@ ExportVdbOptions exportOptions(const ExportWords& words) {
 /// All files that an export makes.
 struct Outputs {
     std::vector<std::filesystem::path> volumes;
-    std::filesystem::path cameras, script;
+    std::filesystem::path level_set, cameras, script;
 };
 
 Outputs checkOutputs(const ExportWords& words) {
     const std::filesystem::path out = words.out;
     if (out.extension() != ".vdb")
         throw UsageError("--out", "'" + words.out + "'", "a file name that ends in .vdb");
-    Outputs outputs{exportPaths(out, words.options.tiles), out, out};
+    Outputs outputs{exportPaths(out, words.options.tiles), out, out, out};
+    outputs.level_set.replace_extension(".surface.vdb");
     outputs.cameras.replace_extension(".cameras.json");
     outputs.script.replace_extension(".blender.py");
     for (const std::filesystem::path& path : outputs.volumes) {
@@ -74,6 +81,16 @@ void writeBeside(const Outputs& outputs, const Model& model, const ExportVdbOpti
     writeBlenderScript(outputs.script, scene);
 }
 
+/// The surface of the model, its bodies solid.
+void writeSurface(const Outputs& outputs, const Model& model, const ExportVdbReport& exported, Report& report) {
+    MeshOptions options;
+    options.colours = false;
+    options.fill_inside = true;
+    const Mesh mesh = extractSurface(model, options, report);
+    writeLevelSet(outputs.level_set, mesh, model.field.frame().voxel_size, exported.placement);
+    report.info("level set: " + outputs.level_set.string());
+}
+
 Json exportJson(const ExportWords& words, const ExportVdbReport& exported) {
     Json json = {{"command", "export"},
                  {"out", words.out},
@@ -82,6 +99,7 @@ Json exportJson(const ExportWords& words, const ExportVdbReport& exported) {
                  {"left_out_voxels", exported.left_out},
                  {"voxel_size", exported.voxel_size},
                  {"box_voxels", {exported.box_voxels.x(), exported.box_voxels.y(), exported.box_voxels.z()}},
+                 {"blender_bytes", blenderBytes(exported.box_voxels, exported.has_color)},
                  {"half", exported.half},
                  {"file_bytes", exported.bytes},
                  {"peak_memory_bytes", peakMemoryBytes()}};
@@ -102,7 +120,8 @@ std::string exportText(const ExportWords& words, const ExportVdbOptions& options
     for (const ExportVdbReport::File& file : exported.files)
         text += formatted("%s: %zu active voxels of %.4g units, %s\n", file.path.string().c_str(), file.active_voxels,
                           exported.voxel_size, sizeText(static_cast<double>(file.bytes)).c_str());
-    text += formatted("bounding box: %d x %d x %d voxels\n", box.x(), box.y(), box.z());
+    text += formatted("bounding box: %d x %d x %d voxels, which take %s in Blender\n", box.x(), box.y(), box.z(),
+                      sizeText(blenderBytes(box, exported.has_color)).c_str());
     if (exported.left_out > 0)
         text += formatted("left out: %zu voxels that %s\n", exported.left_out,
                           exported.has_view_colors ? "no camera of the training sees, or that stop no light"
@@ -126,6 +145,7 @@ void runExport(const ExportWords& words) {
     TerminalReport report;
     const Model model = loadModel(words.model);
     const ExportVdbReport exported = exportVdb(model, words.out, options, report);
+    if (words.level_set) writeSurface(outputs, model, exported, report);
     if (!words.volume_only) writeBeside(outputs, model, options, exported);
     words.shared.finish(exportJson(words, exported), exportText(words, options, exported));
 }
@@ -178,6 +198,9 @@ Command addExport(CLI::App& program) {
     app.add_option("--max-voxels", words->options.max_voxels, "At most N active voxels [as the model]")
         ->check(CLI::PositiveNumber)
         ->type_name("N");
+    app.add_option("--blender-memory", words->blender_memory,
+                   "Coarser, if need be, so that Blender holds it in so much, such as 4GB: it makes the bounding box dense")
+        ->type_name("SIZE");
     app.add_option("--bounds", words->bounds, "Only what lies in this box, world units of the model [all]")
         ->expected(6)
         ->type_name("X0 Y0 Z0 X1 Y1 Z1");
@@ -187,6 +210,8 @@ Command addExport(CLI::App& program) {
         ->type_name("N");
     addPlacement(app, *words);
     app.add_flag("--full-precision", words->full_precision, "Write 32-bit numbers, not 16-bit");
+    app.add_flag("--level-set", words->level_set,
+                 "Also the surface as signed distances, a narrow band: VOLUME.surface.vdb");
     app.add_flag("--volume-only", words->volume_only, "Write neither cameras nor the script for Blender");
     words->shared.add(app,
                       "  nerfvdb export lego.vdb --out lego_volume.vdb\n"

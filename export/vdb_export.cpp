@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "export/blender_memory.h"
 #include "export/volume_colors.h"
 #include "export/volume_fit.h"
 #include "export/volume_of_model.h"
@@ -58,6 +59,11 @@ double excess(const Volume& volume, const ExportVdbOptions& options) {
     if (options.max_resolution > 0) factor = std::max(factor, longestSide(volume) / options.max_resolution);
     if (options.max_voxels > 0)  // surfaces thin out with the square
         factor = std::max(factor, std::sqrt(static_cast<double>(activeCount(volume)) / options.max_voxels));
+    if (options.max_blender_bytes > 0) {
+        const auto [low, high] = activeBox(volume);
+        const double bytes = blenderBytes(high - low + Vec3i::Ones(), options.color != ExportVdbOptions::Color::none);
+        factor = std::max(factor, std::cbrt(bytes / options.max_blender_bytes));
+    }
     return factor;
 }
 
@@ -127,6 +133,7 @@ void checkOptions(const ExportVdbOptions& options) {
     negative("fit_steps", options.fit_steps);
     negative("max_resolution", options.max_resolution);
     negative("max_voxels", options.max_voxels);
+    negative("max_blender_bytes", options.max_blender_bytes);
     if (options.tiles < 1 || options.tiles > 999)
         throw UsageError("tiles", std::to_string(options.tiles), "1 to 999");
     if (options.color_name.empty() || options.color_name == "density")
@@ -176,6 +183,7 @@ ExportVdbReport exportVdb(const Model& model, const std::filesystem::path& path,
     ExportVdbReport written;
     written.active_voxels = activeCount(volume);
     written.left_out = n_candidates - written.active_voxels;
+    written.has_color = has_color;
     written.has_view_colors = has_view_colors;
     if (!model.cameras.empty() && has_color) {
         const std::vector<Camera> held_out = camerasOf(model, true);

@@ -31,6 +31,7 @@ struct ExportVdbOptions {
     int fit_steps = 1000;             // of VolumeFit; 0: none. Needs cameras and colour
     double max_resolution = 0;        // voxels along the longest side of what is written; 0: as the model
     double max_voxels = 0;            // active voxels; 0: no limit
+    double max_blender_bytes = 0;     // blenderBytes of all that is written; 0: no limit
     std::optional<Box> bounds;        // only what lies inside, world units of the model
     PlacementOptions placement;       // where the file's world has what is written
     int tiles = 1;                    // files, slabs along the longest side, on the same voxels
@@ -52,6 +53,7 @@ struct ExportVdbReport {
     Box bounds;                      // of the active voxels, in the model's world
     Vec3i box_voxels = Vec3i::Zero();  // of these bounds, which some programs make dense
     bool half = false;               // density is stored as half
+    bool has_color = false;
     bool has_view_colors = false;    // colours are as the training views saw them
     std::optional<VolumeLoss> loss;  // on held-out views, else on training views; absent if the model names none
 };

@@ -13,6 +13,7 @@
 #include "core/image.h"
 #include "core/metrics.h"
 #include "core/parallel.h"
+#include "export/blender_memory.h"
 #include "tests/support/catch.h"
 #include "tests/support/data.h"
 #include "tests/support/seen_model.h"
@@ -210,6 +211,12 @@ TEST_CASE("limits are kept, by coarser voxels") {
     const ExportVdbReport few = exportVdb(model, folder / "few.vdb", options, silent);
     CHECK(few.active_voxels <= 2000);
     CHECK(few.active_voxels > 800);
+    options.max_voxels = 0;
+    options.max_blender_bytes = 1e5;
+    const ExportVdbReport small = exportVdb(model, folder / "small.vdb", options, silent);
+    CHECK(blenderBytes(small.box_voxels, true) <= 1e5);
+    CHECK(blenderBytes(small.box_voxels, true) > 0.5e5);
+    options.max_blender_bytes = 0;
     options.max_voxels = 1;
     CHECK_THROWS_AS(exportVdb(model, folder / "none.vdb", options, silent), Error);  // one voxel is no scene
     CHECK_FALSE(fs::exists(folder / "none.vdb"));
