@@ -29,14 +29,21 @@ struct ExportWords {
 
 UpAxis upAxis(const std::string& name) { return name == "y" ? UpAxis::y : UpAxis::z; }
 
+/// What is left for the volume.
+double blenderLimit(const std::string& size) {
+    const double bytes = static_cast<double>(parseSize("--blender-memory", size)) - kBlenderItself;
+    if (!(bytes > 0))
+        throw UsageError("--blender-memory", "'" + size + "'", "more than the 300 MB that Blender itself needs");
+    return bytes;
+}
+
 ExportVdbOptions exportOptions(const ExportWords& words) {
     ExportVdbOptions options = words.options;
     options.color = words.color == "none" ? Color::none : words.color == "mean" ? Color::mean : Color::diffuse;
     if (words.min_alpha >= 0) options.min_alpha = words.min_alpha;
     if (!words.bounds.empty()) options.bounds = parseBounds("--bounds", words.bounds);
     if (!words.blender_memory.empty())
-        options.max_blender_bytes =
-            static_cast<double>(parseSize("--blender-memory", words.blender_memory));
+        options.max_blender_bytes = blenderLimit(words.blender_memory);
     options.half = !words.full_precision;
     options.placement.source_up = upAxis(words.source_up);
     if (!words.up.empty()) options.placement.up = upAxis(words.up);
@@ -99,7 +106,7 @@ Json exportJson(const ExportWords& words, const ExportVdbReport& exported) {
                  {"left_out_voxels", exported.left_out},
                  {"voxel_size", exported.voxel_size},
                  {"box_voxels", {exported.box_voxels.x(), exported.box_voxels.y(), exported.box_voxels.z()}},
-                 {"blender_bytes", blenderBytes(exported.box_voxels, exported.has_color)},
+                 {"blender_bytes", kBlenderItself + exported.blender_bytes},
                  {"half", exported.half},
                  {"file_bytes", exported.bytes},
                  {"peak_memory_bytes", peakMemoryBytes()}};
@@ -120,8 +127,8 @@ std::string exportText(const ExportWords& words, const ExportVdbOptions& options
     for (const ExportVdbReport::File& file : exported.files)
         text += formatted("%s: %zu active voxels of %.4g units, %s\n", file.path.string().c_str(), file.active_voxels,
                           exported.voxel_size, sizeText(static_cast<double>(file.bytes)).c_str());
-    text += formatted("bounding box: %d x %d x %d voxels, which take %s in Blender\n", box.x(), box.y(), box.z(),
-                      sizeText(blenderBytes(box, exported.has_color)).c_str());
+    text += formatted("bounding box: %d x %d x %d voxels; Blender takes about %s for it\n", box.x(), box.y(), box.z(),
+                      sizeText(kBlenderItself + exported.blender_bytes).c_str());
     if (exported.left_out > 0)
         text += formatted("left out: %zu voxels that %s\n", exported.left_out,
                           exported.has_view_colors ? "no camera of the training sees, or that stop no light"

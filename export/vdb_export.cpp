@@ -9,6 +9,7 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "export/blender_memory.h"
+#include "export/cropped_model.h"
 #include "export/volume_colors.h"
 #include "export/volume_fit.h"
 #include "export/volume_of_model.h"
@@ -61,7 +62,8 @@ double excess(const Volume& volume, const ExportVdbOptions& options) {
         factor = std::max(factor, std::sqrt(static_cast<double>(activeCount(volume)) / options.max_voxels));
     if (options.max_blender_bytes > 0) {
         const auto [low, high] = activeBox(volume);
-        const double bytes = blenderBytes(high - low + Vec3i::Ones(), options.color != ExportVdbOptions::Color::none);
+        const double bytes = blenderBytes(high - low + Vec3i::Ones(), volume.topology().leafCount(),
+                                          options.color != ExportVdbOptions::Color::none);
         factor = std::max(factor, std::cbrt(bytes / options.max_blender_bytes));
     }
     return factor;
@@ -71,14 +73,9 @@ double excess(const Volume& volume, const ExportVdbOptions& options) {
 Volume startVolume(const Model& model, const ExportVdbOptions& options, double min_alpha) {
     VolumeGridOptions grid;
     grid.min_alpha = min_alpha;
-    grid.bounds = options.bounds;
     Volume volume = volumeOfModel(model.field, grid);
-    if (activeCount(volume) == 0) {
-        if (options.bounds)
-            throw DataError("export", "no density within the bounds", "a box that holds a part of the scene",
-                            "'nerfvdb info' says where the scene lies");
+    if (activeCount(volume) == 0)
         throw DataError("export", "a model without density", "something to write", "train it first");
-    }
     for (double factor; (factor = excess(volume, options)) > 1;) {
         grid.voxel_scale *= std::max(factor, 1.01);
         volume = volumeOfModel(model.field, grid);
@@ -153,14 +150,16 @@ std::vector<std::filesystem::path> exportPaths(const std::filesystem::path& path
     return paths;
 }
 
-ExportVdbReport exportVdb(const Model& model, const std::filesystem::path& path, const ExportVdbOptions& options,
+ExportVdbReport exportVdb(const Model& whole, const std::filesystem::path& path, const ExportVdbOptions& options,
                           Report& report) {
     checkOptions(options);
+    const std::optional<Model> part = options.bounds ? std::optional(croppedModel(whole, *options.bounds)) : std::nullopt;
+    const Model& model = part ? *part : whole;
     const std::vector<Camera> cameras = camerasOf(model, false);
     const double min_alpha = options.min_alpha.value_or(cameras.empty() ? kMinAlphaUnseen : kMinAlphaSeen);
 
     Volume volume = startVolume(model, options, min_alpha);
-    const bool is_whole = !options.bounds && volume.frame().voxel_size == model.field.frame().voxel_size;
+    const bool is_whole = volume.frame().voxel_size == model.field.frame().voxel_size;
     const std::size_t n_candidates = is_whole ? model.field.topology().voxelCount() : activeCount(volume);
     const bool has_color = options.color != ExportVdbOptions::Color::none;
     const bool has_view_colors = options.color == ExportVdbOptions::Color::diffuse && !cameras.empty();
@@ -183,7 +182,6 @@ ExportVdbReport exportVdb(const Model& model, const std::filesystem::path& path,
     ExportVdbReport written;
     written.active_voxels = activeCount(volume);
     written.left_out = n_candidates - written.active_voxels;
-    written.has_color = has_color;
     written.has_view_colors = has_view_colors;
     if (!model.cameras.empty() && has_color) {
         const std::vector<Camera> held_out = camerasOf(model, true);
@@ -194,6 +192,7 @@ ExportVdbReport exportVdb(const Model& model, const std::filesystem::path& path,
     written.bounds = {volume.frame().worldFromIndex(low.cast<double>()),
                       volume.frame().worldFromIndex(high.cast<double>())};
     written.box_voxels = high - low + Vec3i::Ones();
+    written.blender_bytes = blenderBytes(written.box_voxels, volume.topology().leafCount(), has_color);
     written.placement = placementOf(options.placement, written.bounds);
     volume.place(written.placement);
     written.voxel_size = volume.frame().voxel_size;
@@ -204,8 +203,8 @@ ExportVdbReport exportVdb(const Model& model, const std::filesystem::path& path,
     write.color_name = options.color_name;
     write.background = model.background;
     const std::vector<std::filesystem::path> paths = exportPaths(path, options.tiles);
-    const auto writeOne = [&](const std::filesystem::path& to, const Volume& part) {
-        const WrittenVolume one = writeVolume(to, part, write);
+    const auto writeOne = [&](const std::filesystem::path& to, const Volume& tile) {
+        const WrittenVolume one = writeVolume(to, tile, write);
         written.files.push_back({to, one.active_voxels, one.bytes});
         written.bytes += one.bytes;
         written.half = one.half;

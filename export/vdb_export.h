@@ -52,8 +52,8 @@ struct ExportVdbReport {
     double voxel_size = 0;           // units of the file
     Box bounds;                      // of the active voxels, in the model's world
     Vec3i box_voxels = Vec3i::Zero();  // of these bounds, which some programs make dense
+    double blender_bytes = 0;        // blenderBytes
     bool half = false;               // density is stored as half
-    bool has_color = false;
     bool has_view_colors = false;    // colours are as the training views saw them
     std::optional<VolumeLoss> loss;  // on held-out views, else on training views; absent if the model names none
 };

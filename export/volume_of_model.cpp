@@ -52,16 +52,11 @@ SumLeaves spread(const VoxelField& field, double voxel_scale) {
 }
 
 /// Voxels of a leaf that are worth keeping, of sigma [512].
-LeafMask visibleVoxels(const Vec3i& leaf, const float* sigma, const GridFrame& frame,
-                       const VolumeGridOptions& options) {
-    const double min_sigma = -std::log1p(-options.min_alpha) / frame.voxel_size;
+LeafMask visibleVoxels(const float* sigma, double voxel_size, double min_alpha) {
+    const double min_sigma = -std::log1p(-min_alpha) / voxel_size;
     LeafMask mask{};
-    for (int offset = 0; offset < kLeafVoxels; ++offset) {
-        if (!(sigma[offset] > 0 && sigma[offset] >= min_sigma)) continue;
-        const Vec3i voxel = leaf * kLeafDim + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
-        if (!options.bounds || options.bounds->contains(frame.worldFromIndex(voxel.cast<double>())))
-            setBit(mask, offset);
-    }
+    for (int offset = 0; offset < kLeafVoxels; ++offset)
+        if (sigma[offset] > 0 && sigma[offset] >= min_sigma) setBit(mask, offset);
     return mask;
 }
 
@@ -80,7 +75,7 @@ Volume makeVolume(const std::vector<Topology::LeafCells>& active, const GridFram
     return volume;
 }
 
-Volume onOwnVoxels(const VoxelField& field, const VolumeGridOptions& options) {
+Volume onOwnVoxels(const VoxelField& field, double min_alpha) {
     const Topology& topology = field.topology();
     std::vector<float> sigma(topology.leafCount() * kLeafVoxels, 0.0f);
     std::vector<Topology::LeafCells> active(topology.leafCount());
@@ -90,7 +85,7 @@ Volume onOwnVoxels(const VoxelField& field, const VolumeGridOptions& options) {
             sigma[i] = volumeSigma(field.density()[i], field.densityScale(), field.frame().voxel_size);
         });
         const Vec3i coord = topology.leafCoords()[leaf];
-        active[leaf] = {coord, visibleVoxels(coord, &sigma[leaf * kLeafVoxels], field.frame(), options)};
+        active[leaf] = {coord, visibleVoxels(&sigma[leaf * kLeafVoxels], field.frame().voxel_size, min_alpha)};
     });
     std::erase_if(active, [](const Topology::LeafCells& entry) { return entry.cells == LeafMask{}; });
     return makeVolume(active, field.frame(), [&](const Vec3i& leaf) {
@@ -103,7 +98,7 @@ Volume onCoarserVoxels(const VoxelField& field, const VolumeGridOptions& options
     const SumLeaves sums = spread(field, options.voxel_scale);
     std::vector<Topology::LeafCells> active;
     for (const auto& [coord, leaf] : sums)
-        if (const LeafMask mask = visibleVoxels(coord, leaf.sigma.data(), frame, options); mask != LeafMask{})
+        if (const LeafMask mask = visibleVoxels(leaf.sigma.data(), frame.voxel_size, options.min_alpha); mask != LeafMask{})
             active.push_back({coord, mask});
     return makeVolume(active, frame, [&](const Vec3i& leaf) { return sums.at(leaf).sigma.data(); });
 }
@@ -115,7 +110,7 @@ Volume volumeOfModel(const VoxelField& field, const VolumeGridOptions& options) 
         throw UsageError("min_alpha", std::to_string(options.min_alpha), "a number in [0, 1)");
     if (!(options.voxel_scale >= 1) || !std::isfinite(options.voxel_scale))
         throw UsageError("voxel_scale", std::to_string(options.voxel_scale), "a number of at least 1");
-    return options.voxel_scale == 1 ? onOwnVoxels(field, options) : onCoarserVoxels(field, options);
+    return options.voxel_scale == 1 ? onOwnVoxels(field, options.min_alpha) : onCoarserVoxels(field, options);
 }
 
 }  // namespace nerfvdb

@@ -2,8 +2,6 @@
 // The density of a model as a plain volume, on the model's own voxels or on coarser ones.
 #pragma once
 
-#include <optional>
-
 #include "vdb/volume.h"
 
 namespace nerfvdb {
@@ -11,7 +9,6 @@ namespace nerfvdb {
 struct VolumeGridOptions {
     double voxel_scale = 1;      // edge of the volume's voxels, voxels of the field; at least 1
     double min_alpha = 1e-3;     // voxels that stop less light than this over one voxel are left out
-    std::optional<Box> bounds;   // world units; only voxels inside
 };
 
 /// Extinction at voxels, capped where one voxel is opaque (volumeSigma); no colours.

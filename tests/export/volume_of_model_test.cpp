@@ -71,26 +71,6 @@ TEST_CASE("coarser voxels stop as much light") {
     }
 }
 
-TEST_CASE("only what lies in the bounds is kept") {
-    const Model model = test::shellModel(32);
-    VolumeGridOptions options;
-    const Box whole = model.field.worldBox();
-    options.bounds = Box{whole.min, whole.center()};
-    for (const double scale : {1.0, 2.0}) {
-        options.voxel_scale = scale;
-        const Volume volume = volumeOfModel(model.field, options);
-        std::size_t n = 0, outside = 0;
-        for (std::size_t leaf = 0; leaf < volume.topology().leafCount(); ++leaf)
-            forEachBit(volume.active()[leaf], [&](int offset) {
-                const Vec3i ijk = test::voxelOf(volume.topology(), leaf, offset);
-                ++n;
-                outside += !options.bounds->contains(volume.frame().worldFromIndex(ijk.cast<double>()));
-            });
-        CHECK(n > 50);
-        CHECK(outside == 0);
-    }
-}
-
 TEST_CASE("volumes that cannot be are refused") {
     const Model model = test::shellModel(24);
     for (const double bad : {0.5, 0.0, static_cast<double>(NAN), static_cast<double>(INFINITY)}) {
