@@ -1,30 +1,34 @@
 // SPDX-License-Identifier: Apache-2.0
 // nerfvdb mesh: the surface of a model as triangles.
 #include "cli/commands.h"
+#include "cli/mesh_rework.h"
 #include "cli/output_path.h"
 #include "cli/process.h"
 #include "core/error.h"
 #include "export/marching_cubes.h"
-#include "export/mesh_cleanup.h"
 #include "export/mesh_io.h"
+#include "export/vertex_colours.h"
 #include "vdb/model_file.h"
 
 namespace nerfvdb {
 namespace {
 
 struct MeshWords {
-    std::string model, out, iso = "auto";
-    IslandOptions islands;
+    std::string model, out, iso = "auto", up;
     bool no_colours = false, fill_inside = false;
+    ReworkWords rework;
     SharedOptions shared;
 };
 
 void runMesh(const MeshWords& words) {
     const auto limit = words.shared.begin();
-    checkMeshPath(words.out);
+    const MeshFormat format = meshFormat(words.out);
+    if (!words.up.empty() && format != MeshFormat::glb)
+        throw UsageError("--up", "a file that is not .glb", "no --up", "other formats do not say which axis is up");
+    checkRework(words.rework);
     prepareOutputFile("--out", words.out);
     MeshOptions options;
-    options.colours = !words.no_colours;
+    options.colours = false;  // asked for once the vertices are where they will be
     options.fill_inside = words.fill_inside;
     if (words.iso != "auto") {
         double iso = 0;
@@ -37,9 +41,10 @@ void runMesh(const MeshWords& words) {
     const Model model = loadModel(words.model);
     const double iso = options.iso.value_or(automaticIso(model.field));
     Mesh mesh = extractSurface(model, options, report);
+    const IslandCounts islands = reworkMesh(mesh, words.rework, report);
+    if (!words.no_colours && format != MeshFormat::stl) colourVertices(model, mesh);
     report.end();
-    const IslandCounts islands = removeIslands(mesh, words.islands);
-    writeMesh(words.out, mesh);
+    writeMesh(words.out, mesh, words.up == "y" ? UpAxis::y : UpAxis::z);
 
     const MeshMeasures measures = measureMesh(mesh);
     const auto bytes = std::filesystem::file_size(words.out);
@@ -52,15 +57,17 @@ void runMesh(const MeshWords& words) {
          {"pieces", measures.pieces},
          {"dropped_pieces", islands.dropped_pieces},
          {"dropped_faces", islands.dropped_faces},
+         {"largest_piece_faces", islands.largest_faces},
          {"closed", measures.closed()},
          {"area", measures.area},
          {"volume", measures.volume},
          {"file_bytes", bytes},
          {"peak_memory_bytes", peakMemoryBytes()}},
-        formatted("%s: %zu vertices, %zu faces in %zu pieces, %s, at density %.4g per world unit, %s\n",
+        formatted("%s: %zu vertices, %zu faces in %zu pieces, %s, at density %.4g per world unit, %s\n"
+                  "dropped as islands: %zu pieces with %zu faces\n",
                   words.out.c_str(), mesh.positions.size(), mesh.triangles.size(), measures.pieces,
-                  measures.closed() ? "closed" : "not closed", iso,
-                  sizeText(static_cast<double>(bytes)).c_str()));
+                  measures.closed() ? "closed" : "not closed", iso, sizeText(static_cast<double>(bytes)).c_str(),
+                  islands.dropped_pieces, islands.dropped_faces));
 }
 
 }  // namespace
@@ -70,21 +77,19 @@ Command addMesh(CLI::App& program) {
     CLI::App& app =
         *program.add_subcommand("mesh", "Extract the surface of a model as a coloured triangle mesh");
     app.add_option("MODEL", words->model, "A model that 'nerfvdb train' made")->required();
-    app.add_option("--out", words->out, "The mesh: .ply (binary) or .obj")->required()->type_name("FILE");
+    app.add_option("--out", words->out, "The mesh: .ply, .obj, .glb (glTF) or .stl (no colours)")->required()->type_name("FILE");
     app.add_option(
            "--iso", words->iso,
            "Density at the surface, 1 / world unit; auto stops half of the light over one voxel, and in fog "
            "is half of the largest [auto]")
         ->type_name("DENSITY");
-    app.add_option("--keep-largest", words->islands.keep_largest, "Keep the N largest pieces only")
-        ->check(CLI::PositiveNumber)
-        ->type_name("N");
-    app.add_option("--min-faces", words->islands.min_faces, "Drop pieces of fewer triangles")
-        ->check(CLI::PositiveNumber)
-        ->type_name("N");
     app.add_flag("--fill-inside", words->fill_inside,
                  "Make bodies solid: no surfaces of cavities that nothing leads into from outside");
     app.add_flag("--no-colours", words->no_colours, "Leave out the vertex colours");
+    addRework(app, words->rework);
+    app.add_option("--up", words->up, "The axis of the model's world that .glb is told points up: y or z [z]")
+        ->check(CLI::IsMember({"y", "z"}))
+        ->type_name("AXIS");
     words->shared.add(app, "  nerfvdb mesh lego.vdb --out lego.ply");
     return {&app, [words] { runMesh(*words); }};
 }

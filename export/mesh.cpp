@@ -12,14 +12,6 @@
 namespace nerfvdb {
 namespace {
 
-void checkIndices(const Mesh& mesh) {
-    for (std::size_t i = 0; i < mesh.triangles.size(); ++i)
-        if (mesh.triangles[i].maxCoeff() >= mesh.positions.size())
-            throw DataError("mesh: triangle " + std::to_string(i),
-                            "vertex " + std::to_string(mesh.triangles[i].maxCoeff()),
-                            "a number below " + std::to_string(mesh.positions.size()));
-}
-
 /// Every side of every triangle, in a bucket by its lower vertex: 2 * (upper vertex) + (1 if it runs
 /// downwards).
 struct Sides {
@@ -67,8 +59,16 @@ void countEdges(const Mesh& mesh, MeshMeasures& measures) {
 
 }  // namespace
 
+void checkTriangles(const Mesh& mesh) {
+    for (std::size_t i = 0; i < mesh.triangles.size(); ++i)
+        if (mesh.triangles[i].maxCoeff() >= mesh.positions.size())
+            throw DataError("mesh: triangle " + std::to_string(i),
+                            "vertex " + std::to_string(mesh.triangles[i].maxCoeff()),
+                            "a number below " + std::to_string(mesh.positions.size()));
+}
+
 std::vector<std::uint32_t> piecesOfVertices(const Mesh& mesh) {
-    checkIndices(mesh);
+    checkTriangles(mesh);
     // Union-find; the root of a set is its lowest vertex.
     std::vector<std::uint32_t> parent(mesh.positions.size());
     std::iota(parent.begin(), parent.end(), 0u);

@@ -21,6 +21,9 @@ struct Mesh {
     std::vector<Triangle> triangles;
 };
 
+/// Throws DataError when a triangle names a vertex that does not exist.
+void checkTriangles(const Mesh& mesh);
+
 /// An edge is *matched* when exactly two triangles share it and run along it in opposite directions.
 struct MeshMeasures {
     std::size_t edges = 0;
@@ -36,11 +39,11 @@ struct MeshMeasures {
 };
 
 /// Measures a mesh in time and memory linear in its size.
-/// Throws DataError when a triangle names a vertex that does not exist.
+/// Throws as checkTriangles.
 MeshMeasures measureMesh(const Mesh& mesh);
 
 /// Number of the piece of each vertex: pieces are numbered by their lowest vertex, in rising order.
-/// An unused vertex is a piece of its own. Throws as measureMesh.
+/// An unused vertex is a piece of its own. Throws as checkTriangles.
 std::vector<std::uint32_t> piecesOfVertices(const Mesh& mesh);
 
 }  // namespace nerfvdb

@@ -21,11 +21,13 @@ std::vector<bool> choosePieces(const std::vector<std::size_t>& n_faces, const Is
     std::iota(by_size.begin(), by_size.end(), 0u);
     std::stable_sort(by_size.begin(), by_size.end(),
                      [&](std::uint32_t a, std::uint32_t b) { return n_faces[a] > n_faces[b]; });
+    const double min_share_faces = by_size.empty() ? 0 : options.min_share * static_cast<double>(n_faces[by_size[0]]);
     std::vector<bool> is_kept(n_faces.size(), false);
     for (std::size_t i = 0; i < by_size.size(); ++i) {
         const std::size_t faces = n_faces[by_size[i]];
         const bool is_among_largest = options.keep_largest == 0 || i < options.keep_largest;
-        is_kept[by_size[i]] = faces > 0 && faces >= options.min_faces && is_among_largest;
+        is_kept[by_size[i]] = faces > 0 && faces >= options.min_faces && is_among_largest &&
+                              static_cast<double>(faces) >= min_share_faces;
     }
     return is_kept;
 }
@@ -41,6 +43,7 @@ IslandCounts removeIslands(Mesh& mesh, const IslandOptions& options) {
         if (n_faces[p] == 0) continue;  // a vertex that no triangle uses
         ++(is_kept[p] ? counts.kept_pieces : counts.dropped_pieces);
         if (!is_kept[p]) counts.dropped_faces += n_faces[p];
+        counts.largest_faces = std::max(counts.largest_faces, n_faces[p]);
     }
 
     // Everything moves towards the front, in place.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "export/mesh_io.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <bit>
 #include <cctype>
@@ -13,6 +14,7 @@
 
 #include "core/atomic_file.h"
 #include "core/error.h"
+#include "export/gltf_file.h"
 
 namespace nerfvdb {
 namespace {
@@ -85,10 +87,7 @@ void checkMesh(const Mesh& mesh) {
     if (mesh.positions.size() > kMost || mesh.triangles.size() > kMost)
         throw DataError("mesh", std::to_string(mesh.positions.size()) + " vertices",
                         "at most " + std::to_string(kMost));
-    for (const Triangle& t : mesh.triangles)
-        if (t.maxCoeff() >= mesh.positions.size())
-            throw DataError("mesh: triangle", "vertex " + std::to_string(t.maxCoeff()),
-                            "a number below " + std::to_string(mesh.positions.size()));
+    checkTriangles(mesh);
 }
 
 void writePly(Output& out, const Mesh& mesh) {
@@ -143,6 +142,24 @@ void writeObj(Output& out, const Mesh& mesh) {
             out.number(t[c] + 1);
         }
         out.text("\n");
+    }
+}
+
+void writeStl(Output& out, const Mesh& mesh) {
+    // Must not begin with "solid", by which readers tell the text format.
+    std::string header = "nerfvdb, binary STL";
+    header.resize(80, ' ');
+    out.text(header);
+    const auto count = static_cast<std::uint32_t>(mesh.triangles.size());
+    out.bytes(&count, 1);
+    constexpr std::uint16_t kAttributes = 0;
+    for (const Triangle& t : mesh.triangles) {
+        const Vec3d a = mesh.positions[t[0]].cast<double>();
+        const Vec3d b = mesh.positions[t[1]].cast<double>(), c = mesh.positions[t[2]].cast<double>();
+        const Vec3f normal = (b - a).cross(c - a).normalized().cast<float>();
+        out.bytes(normal.data(), 3);
+        for (int k = 0; k < 3; ++k) out.bytes(mesh.positions[t[k]].data(), 3);
+        out.bytes(&kAttributes, 1);
     }
 }
 
@@ -223,22 +240,25 @@ std::ptrdiff_t offsetOf(const PlyHeader& header, std::size_t type_size,
 
 }  // namespace
 
-void checkMeshPath(const std::filesystem::path& path) {
+MeshFormat meshFormat(const std::filesystem::path& path) {
     const std::string extension = extensionOf(path);
-    if (extension != ".ply" && extension != ".obj")
-        throw UsageError(path.string(), extension.empty() ? "no extension" : "extension \"" + extension + "\"",
-                         ".ply or .obj", "the extension chooses the mesh format");
+    if (extension == ".ply") return MeshFormat::ply;
+    if (extension == ".obj") return MeshFormat::obj;
+    if (extension == ".stl") return MeshFormat::stl;
+    if (extension == ".glb") return MeshFormat::glb;
+    throw UsageError(path.string(), extension.empty() ? "no extension" : "extension \"" + extension + "\"",
+                     ".ply, .obj, .stl or .glb", "the extension chooses the mesh format");
 }
 
-void writeMesh(const std::filesystem::path& path, const Mesh& mesh) {
-    checkMeshPath(path);
+void writeMesh(const std::filesystem::path& path, const Mesh& mesh, UpAxis up) {
+    const MeshFormat format = meshFormat(path);
     checkMesh(mesh);
     writeAtomically(path, [&](const std::filesystem::path& temporary) {
+        if (format == MeshFormat::glb) return writeGlb(temporary, path, mesh, up);
         Output out(temporary, path);
-        if (extensionOf(path) == ".ply")
-            writePly(out, mesh);
-        else
-            writeObj(out, mesh);
+        if (format == MeshFormat::ply) writePly(out, mesh);
+        if (format == MeshFormat::obj) writeObj(out, mesh);
+        if (format == MeshFormat::stl) writeStl(out, mesh);
         out.close();
     });
 }

@@ -69,6 +69,8 @@ fence Highway 'hwy/' 'core/simd/.*'
 fence TBB '(tbb|oneapi)/' 'core/parallel\.h'
 fence JSON 'nlohmann/' 'trainer/[a-z0-9_]+\.(cpp|h)|export/camera_export\.cpp|bench/result\.cpp|cli/.*'
 fence CLI11 'CLI/' 'cli/.*'
+fence meshoptimizer 'meshoptimizer' 'export/mesh_simplify\.cpp'
+fence tinygltf 'tiny_gltf' 'export/gltf_file\.cpp'
 fence xxHash 'xxhash' 'core/atomic_file\.cpp'
 
 # --- 3. no printing, no exit ----------------------------------------------------------------------------------

@@ -59,6 +59,7 @@ TEST_CASE("the largest pieces stay, in their order; ties go to the first", "[exp
     CHECK(counts.kept_pieces == 3);
     CHECK(counts.dropped_pieces == 1);
     CHECK(counts.dropped_faces == 6);
+    CHECK(counts.largest_faces == 10);
     CHECK(mesh.positions.size() == 5 + 7 + 6);
     CHECK(measureMesh(mesh).closed());
     CHECK(measureMesh(mesh).pieces == 3);
@@ -76,6 +77,17 @@ TEST_CASE("pieces with too few faces go", "[export]") {
     removeIslands(none, {.min_faces = 11});
     CHECK(none.positions.empty());
     CHECK(none.triangles.empty());
+}
+
+TEST_CASE("pieces that are small beside the largest go; a piece of just the share stays", "[export]") {
+    Mesh mesh = fourPieces();
+    CHECK(removeIslands(mesh, {.min_share = 0.8}).dropped_pieces == 2);
+    CHECK(names(mesh) == std::vector<int>{2, 3});
+    Mesh both = fourPieces();
+    removeIslands(both, {.min_faces = 9, .min_share = 0.6});
+    CHECK(names(both) == std::vector<int>{2});
+    Mesh all = fourPieces();
+    CHECK(removeIslands(all, {.min_share = 0.6}).dropped_faces == 0);
 }
 
 TEST_CASE("without limits only unused vertices go", "[export]") {

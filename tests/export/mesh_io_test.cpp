@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "export/mesh_io.h"
 
+#include <Eigen/Geometry>
 #include <cstring>
 #include <fstream>
 #include <sstream>
@@ -99,18 +100,45 @@ TEST_CASE("an OBJ file reads back to the same floats", "[export]") {
     CHECK(readFile(folder / "m.obj").find("f 4//4 3//3 2//2\n") != std::string::npos);
 }
 
+TEST_CASE("an STL file holds corners and normals of the triangles", "[export]") {
+    const TempDir folder;
+    const Mesh mesh = smallMesh();
+    writeMesh(folder / "m.stl", mesh);
+    const std::string bytes = readFile(folder / "m.stl");
+    REQUIRE(bytes.size() == 80 + 4 + 2 * 50);
+    CHECK(bytes.substr(0, 5) != "solid");
+    CHECK(bytes.substr(80, 4) == std::string("\2\0\0\0", 4));
+    for (std::size_t i = 0; i < 2; ++i) {
+        Vec3f values[4];
+        std::memcpy(values[0].data(), bytes.data() + 84 + 50 * i, 48);
+        const Triangle& t = mesh.triangles[i];
+        for (int k = 0; k < 3; ++k) CHECK(values[1 + k] == mesh.positions[t[k]]);
+        const Vec3f normal = (values[2] - values[1]).cross(values[3] - values[1]).normalized();
+        CHECK((values[0] - normal).norm() < 1e-5f);
+        CHECK(bytes.substr(84 + 50 * i + 48, 2) == std::string(2, '\0'));
+    }
+    Mesh flat = mesh;
+    flat.triangles = {{0, 0, 1}};
+    writeMesh(folder / "flat.stl", flat);
+    Vec3f normal;
+    std::memcpy(normal.data(), readFile(folder / "flat.stl").data() + 84, 12);
+    CHECK(normal == Vec3f::Zero());  // and no NaN
+}
+
 TEST_CASE("an unknown extension is a wrong use that names the known ones", "[export]") {
     const TempDir folder;
-    CHECK_THROWS_AS(checkMeshPath("scene.stl"), UsageError);
-    CHECK_THROWS_WITH(writeMesh(folder / "scene.stl", smallMesh()),
-                      Catch::Contains(".ply or .obj") && Catch::Contains("\".stl\""));
+    CHECK(meshFormat("scene.STL") == MeshFormat::stl);
+    CHECK(meshFormat("scene.glb") == MeshFormat::glb);
+    CHECK_THROWS_AS(meshFormat("scene.gltf"), UsageError);
+    CHECK_THROWS_WITH(writeMesh(folder / "scene.fbx", smallMesh()),
+                      Catch::Contains(".ply, .obj, .stl or .glb") && Catch::Contains("\".fbx\""));
     CHECK_THROWS_WITH(writeMesh(folder / "scene", smallMesh()), Catch::Contains("no extension"));
     CHECK(std::filesystem::is_empty(folder.path()));
 }
 
 TEST_CASE("a file that cannot be written leaves the old one as it was", "[export]") {
     const TempDir folder;
-    for (const char* name : {"m.ply", "m.obj"}) {
+    for (const char* name : {"m.ply", "m.obj", "m.stl", "m.glb"}) {
         writeBytes(folder / name, "old");
         Mesh mesh = smallMesh();
         for (int i = 0; i < 10000; ++i) mesh.triangles.push_back({0, 1, 2});
@@ -122,7 +150,7 @@ TEST_CASE("a file that cannot be written leaves the old one as it was", "[export
         }
         CHECK(readFile(folder / name) == "old");
     }
-    CHECK(std::distance(std::filesystem::directory_iterator(folder.path()), {}) == 2);  // no temporary stays
+    CHECK(std::distance(std::filesystem::directory_iterator(folder.path()), {}) == 4);  // no temporary stays
     CHECK_THROWS_AS(writeMesh(folder / "absent" / "m.ply", smallMesh()), IoError);
 }
 

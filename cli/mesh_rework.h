@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// What 'nerfvdb mesh' does to a surface after it was found: islands go, it is smoothed, it is simplified.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <optional>
+
+#include "core/report.h"
+#include "export/mesh_cleanup.h"
+
+namespace nerfvdb {
+
+struct ReworkWords {
+    std::optional<double> min_share;
+    std::size_t keep_largest = 0, min_faces = 0;
+    bool keep_islands = false;
+    int smooth = 0;
+    std::optional<double> simplify;
+    std::optional<std::size_t> faces;
+};
+
+void addRework(CLI::App& app, ReworkWords& words);
+
+/// Throws NumericError for a number of faces that no mesh can have.
+void checkRework(const ReworkWords& words);
+
+/// Islands, smoothing, simplification, in this order; colours are not looked at. Returns what went as islands.
+IslandCounts reworkMesh(Mesh& mesh, const ReworkWords& words, Report& report);
+
+}  // namespace nerfvdb
