@@ -41,7 +41,7 @@ struct SurfacePoint {
 };
 
 /// Where the edge from voxel (x, y, z) of a block along `axis` crosses the surface.
-SurfacePoint crossingOf(BlockValues& values, int x, int y, int z, int axis, float iso) {
+SurfacePoint crossingOf(const BlockValues& values, int x, int y, int z, int axis, float iso) {
     const float* low = values.at(x, y, z);
     const float* high = low + BlockValues::kStride[axis];
     const float t = std::clamp((iso - *low) / (*high - *low), kOffCorner, 1 - kOffCorner);
@@ -67,24 +67,28 @@ SurfacePoint crossingOf(BlockValues& values, int x, int y, int z, int axis, floa
 class BlockWriter {
 public:
     BlockWriter(const Surface& surface, const BlockList& blocks, const Block& block, Mesh& mesh)
-        : surface_(surface), blocks_(blocks), block_(block), values_(surface, block.leaf), mesh_(mesh) {}
+        : surface_(surface), blocks_(blocks), block_(block), values_(surface, block.leaf), mesh_(mesh) {
+        for (int edge = 0; edge < kCubeEdges; ++edge) {
+            const CubeEdge& e = cubeTable().edges[edge];
+            edge_places_[edge] = e.axis * 729 + e.x * 81 + e.y * 9 + e.z;
+        }
+    }
 
     void write() {
         writeCrossings();
-        numberCrossings();
+        numberNeighbours();
         std::uint32_t centre = block_.first_vertex + block_.n_edges;
         std::uint32_t triangle = block_.first_triangle;
         const auto writeCell = [&](int x, int y, int z, const CubeTriangles& cube) {
-            const auto number = [&](int edge) {
-                return edge == kCubeCentre ? centre : numbers_[edgePlace(edge) + x * 81 + y * 9 + z];
-            };
+            const std::uint32_t* const cell = &numbers_[x * 81 + y * 9 + z];
+            const auto number = [&](int edge) { return edge == kCubeCentre ? centre : cell[edge_places_[edge]]; };
             for (int i = 0; i < cube.count; ++i) {
                 const auto& [a, b, c] = cube.triangles[i];
                 mesh_.triangles[triangle++] = Triangle(number(a), number(b), number(c));
             }
             if (cube.has_centre) writeCentre(centre++, x, y, z, cube);
         };
-        forEachCrossedCell(CornerRows(surface_, block_.leaf), values_, surface_.iso, writeCell);
+        forEachCrossedCell(BlockCorners(surface_, block_.leaf), surface_.iso, writeCell);
     }
 
 private:
@@ -99,16 +103,16 @@ private:
         for (int x = 0; x < kLeafDim; ++x)
             for (int axis = 0; axis < 3; ++axis)
                 forEachBit(block_.crossed[axis][x], [&](int bit) {
+                    numbers_[axis * 729 + x * 81 + (bit >> 3) * 9 + (bit & 7)] = number;
                     writeVertex(number++, crossingOf(values_, x, bit >> 3, bit & 7, axis, surface_.iso));
                 });
     }
 
-    /// Fills numbers_ with the vertices on the edges of the block's cells; the upper ones belong to its
-    /// neighbours.
-    void numberCrossings() {
-        for (int corner = 0; corner < 8; ++corner) {
+    /// The upper edges of the block's cells belong to its neighbours, and so do the vertices there.
+    void numberNeighbours() {
+        for (int corner = 1; corner < 8; ++corner) {
             const Vec3i step = cornerStep(corner);
-            const Block* owner = corner == 0 ? &block_ : blocks_.find(block_.leaf + step);
+            const Block* owner = blocks_.find(block_.leaf + step);
             if (!owner) continue;
             const std::uint64_t border =
                 (step.y() ? 0xffull : ~0ull) & (step.z() ? 0x0101010101010101ull : ~0ull);
@@ -125,11 +129,6 @@ private:
                 }
             }
         }
-    }
-
-    static int edgePlace(int edge) {
-        const CubeEdge& e = cubeTable().edges[edge];
-        return e.axis * 729 + e.x * 81 + e.y * 9 + e.z;
     }
 
     /// A centre is the mean of the loop around it: inside the cell, because no face holds the whole loop.
@@ -156,6 +155,7 @@ private:
     const Block& block_;
     BlockValues values_;
     Mesh& mesh_;
+    std::array<int, kCubeEdges> edge_places_;      // in numbers_, from those of a cell's first corner
     std::array<std::uint32_t, 3 * 729> numbers_;  // [axis][x][y][z], 9 a side; only crossed edges are filled
 };
 
