@@ -3,6 +3,7 @@
 #include "cli/commands.h"
 #include "cli/output_path.h"
 #include "cli/process.h"
+#include "cli/quantities.h"
 #include "core/error.h"
 #include "export/marching_cubes.h"
 #include "export/mesh_cleanup.h"
@@ -16,6 +17,7 @@ struct MeshWords {
     std::string model, out, iso = "auto";
     IslandOptions islands;
     bool no_colours = false, fill_inside = false;
+    std::vector<double> bounds;
     SharedOptions shared;
 };
 
@@ -26,6 +28,7 @@ void runMesh(const MeshWords& words) {
     MeshOptions options;
     options.colours = !words.no_colours;
     options.fill_inside = words.fill_inside;
+    if (!words.bounds.empty()) options.bounds = parseBounds("--bounds", words.bounds);
     if (words.iso != "auto") {
         double iso = 0;
         if (!CLI::detail::lexical_cast(words.iso, iso))
@@ -82,6 +85,10 @@ Command addMesh(CLI::App& program) {
     app.add_option("--min-faces", words->islands.min_faces, "Drop pieces of fewer triangles")
         ->check(CLI::PositiveNumber)
         ->type_name("N");
+    app.add_option("--bounds", words->bounds, "Only this box, world units; closed at the nearest voxel planes")
+        ->expected(6)
+        ->delimiter(',')
+        ->type_name("X0,Y0,Z0,X1,Y1,Z1");
     app.add_flag("--fill-inside", words->fill_inside,
                  "Make bodies solid: no surfaces of cavities that nothing leads into from outside");
     app.add_flag("--no-colours", words->no_colours, "Leave out the vertex colours");
