@@ -2,6 +2,7 @@
 #include "bench/suite.h"
 
 #include "bench/kernel_rates.h"
+#include "bench/mesh_rates.h"
 #include "bench/quality.h"
 #include "bench/render_sweep.h"
 #include "bench/result_plot.h"
@@ -19,6 +20,7 @@ struct Extent {
     std::vector<double> times_s;
     int scored_views, judged_views, repeats, seeds;
     double learn_seconds, kernel_sample_s;
+    int mesh_resolution;
 };
 
 Extent extentOf(SuiteSize size) {
@@ -26,11 +28,11 @@ Extent extentOf(SuiteSize size) {
     pictures.val_views = 0;
     if (size == SuiteSize::quick) {
         pictures.train_views = 30, pictures.test_views = 6;
-        return {{"demo", "thin"}, pictures, {5, 10, 20}, 6, 2, 3, 1, 20, 0.02};
+        return {{"demo", "thin"}, pictures, {5, 10, 20}, 6, 2, 3, 1, 20, 0.02, 256};
     }
     pictures.train_views = 60, pictures.test_views = 20;
     pictures.width = pictures.height = 400;
-    return {{"demo", "thin", "glossy", "fog"}, pictures, {20, 60, 120}, 0, 4, 7, 3, 60, 0.1};
+    return {{"demo", "thin", "glossy", "fog"}, pictures, {20, 60, 120}, 0, 4, 7, 3, 60, 0.1, 512};
 }
 
 }  // namespace
@@ -68,6 +70,9 @@ void runSuite(const SuiteOptions& options, Report& report,
     const BenchResult kernels =
         benchKernels({.repeats = extent.repeats, .min_sample_s = extent.kernel_sample_s}, report);
     keep(kernels, kernelPlot(kernels));
+    const BenchResult mesh = benchMesh(
+        {.repeats = extent.repeats, .resolution = extent.mesh_resolution, .scratch = options.folder}, report);
+    keep(mesh, meshPlot(mesh));
 }
 
 }  // namespace nerfvdb

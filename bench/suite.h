@@ -22,7 +22,7 @@ struct SuiteOptions {
     int repeats = 0;                               // 0: as the size has it
 };
 
-/// Runs quality, then learns the first scene and runs render, scaling and skip on it, then kernels; each is
+/// Runs quality, then learns the first scene and runs render, scaling and skip on it, then kernels and mesh; each is
 /// written to the folder (result_plot.h) as soon as it is there. on_result gets each result. Throws what they
 /// throw.
 void runSuite(const SuiteOptions& options, Report& report,

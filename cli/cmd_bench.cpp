@@ -5,6 +5,7 @@
 
 #include "bench/compare.h"
 #include "bench/kernel_rates.h"
+#include "bench/mesh_rates.h"
 #include "bench/quality.h"
 #include "bench/render_sweep.h"
 #include "bench/result_plot.h"
@@ -101,6 +102,14 @@ Result measureKernels(const BenchWords& words, Report& report) {
     options.repeats = repeatsOf(words, 3, 7);
     if (words.quick) options.min_sample_s = 0.02;
     return plotted(benchKernels(options, report), kernelPlot);
+}
+
+Result measureMesh(const BenchWords& words, Report& report) {
+    MeshRateOptions options;
+    options.repeats = repeatsOf(words, 3, 7);
+    options.scratch = words.out;
+    if (words.quick) options.resolution = 256;
+    return plotted(benchMesh(options, report), meshPlot);
 }
 
 void runMeasure(const BenchWords& words, const Measure& measure) {
@@ -238,6 +247,8 @@ Command addBench(CLI::App& program) {
     }
     add("kernels", "The inner loops on each instruction set, one thread", &measureKernels,
         "  nerfvdb bench kernels");
+    add("mesh", "Triangles a second, memory and .vdb voxels a second, beside OpenVDB and VTK", &measureMesh,
+        "  nerfvdb bench mesh --quick");
 
     CLI::App* const everything = bench.add_subcommand("all", "All of these, as without a kind");
     addShared(*everything, all, "  nerfvdb bench all --quick --out results");

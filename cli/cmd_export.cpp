@@ -210,7 +210,8 @@ Command addExport(CLI::App& program) {
         ->type_name("SIZE");
     app.add_option("--bounds", words->bounds, "Only what lies in this box, world units of the model [all]")
         ->expected(6)
-        ->type_name("X0 Y0 Z0 X1 Y1 Z1");
+        ->delimiter(',')
+        ->type_name("X0,Y0,Z0,X1,Y1,Z1");
     app.add_option("--tiles", words->options.tiles,
                    "Cut into N files, VOLUME.000.vdb, ..., that line up exactly [1]")
         ->check(CLI::Range(1, 999))

@@ -4,6 +4,7 @@
 #include "cli/mesh_rework.h"
 #include "cli/output_path.h"
 #include "cli/process.h"
+#include "cli/quantities.h"
 #include "core/error.h"
 #include "export/marching_cubes.h"
 #include "export/mesh_io.h"
@@ -16,6 +17,7 @@ namespace {
 struct MeshWords {
     std::string model, out, iso = "auto", up;
     bool no_colours = false, fill_inside = false;
+    std::vector<double> bounds;
     ReworkWords rework;
     SharedOptions shared;
 };
@@ -30,6 +32,7 @@ void runMesh(const MeshWords& words) {
     MeshOptions options;
     options.colours = false;  // asked for once the vertices are where they will be
     options.fill_inside = words.fill_inside;
+    if (!words.bounds.empty()) options.bounds = parseBounds("--bounds", words.bounds);
     if (words.iso != "auto") {
         double iso = 0;
         if (!CLI::detail::lexical_cast(words.iso, iso))
@@ -83,6 +86,10 @@ Command addMesh(CLI::App& program) {
            "Density at the surface, 1 / world unit; auto stops half of the light over one voxel, and in fog "
            "is half of the largest [auto]")
         ->type_name("DENSITY");
+    app.add_option("--bounds", words->bounds, "Only this box, world units; closed at the nearest voxel planes")
+        ->expected(6)
+        ->delimiter(',')
+        ->type_name("X0,Y0,Z0,X1,Y1,Z1");
     app.add_flag("--fill-inside", words->fill_inside,
                  "Make bodies solid: no surfaces of cavities that nothing leads into from outside");
     app.add_flag("--no-colours", words->no_colours, "Leave out the vertex colours");

@@ -134,6 +134,7 @@ std::size_t fillInside(Surface& surface) {
             surface.inside[leaf][x] = solid;
         }
 
+    surface.is_filled = true;
     surface.enclosed = LeafSet(topology.dims());
     const Vec3i leaves = topology.dims() / kLeafDim;
     Vec3i leaf;

@@ -14,77 +14,38 @@
 #include "core/parallel.h"
 #include "export/fill_inside.h"
 #include "export/surface_blocks.h"
+#include "export/surface_crossing.h"
 #include "export/vertex_colours.h"
 
 namespace nerfvdb {
 namespace {
 
-// Crossings keep this share of an edge away from its ends, so that no two vertices meet at a voxel: a
-// thousandth of a voxel, far below what it resolves and above the rounding of float positions (see
-// warnIfCoarse).
-constexpr float kOffCorner = 0x1p-10f;
-
-/// Slope of the raw density at a voxel along an axis, per voxel. `is_known_only`: differences with voxels that
-/// hold nothing are left out: their kEmptyRaw tells where the known region ends, not how the surface is turned.
-/// Differences with filled voxels, whose density means nothing, are always left out.
-float slopeAt(const float* value, int axis, bool is_known_only) {
-    const float below = value[-BlockValues::kStride[axis]], above = value[BlockValues::kStride[axis]];
-    const bool use_below = below != kFilledRaw && (!is_known_only || below != kEmptyRaw);
-    const bool use_above = above != kFilledRaw && (!is_known_only || above != kEmptyRaw);
-    const float sum = (use_above ? above - *value : 0) + (use_below ? *value - below : 0);
-    return use_above && use_below ? 0.5f * sum : sum;
-}
-
-struct SurfacePoint {
-    Vec3f position;  // voxels from the block's first voxel
-    Vec3f normal;    // unit, towards falling density
-};
-
-/// Where the edge from voxel (x, y, z) of a block along `axis` crosses the surface.
-SurfacePoint crossingOf(BlockValues& values, int x, int y, int z, int axis, float iso) {
-    const float* low = values.at(x, y, z);
-    const float* high = low + BlockValues::kStride[axis];
-    const float t = std::clamp((iso - *low) / (*high - *low), kOffCorner, 1 - kOffCorner);
-    SurfacePoint point{Vec3f(x, y, z), Vec3f::Zero()};
-    point.position[axis] += t;
-
-    // Central differences at both voxels, linear between them: second order, unlike the trilinear field's own
-    // slope, which jumps from cell to cell. On an edge that leaves the known region the surface is the region's
-    // border: there, the voxel inside decides, and what holds nothing counts.
-    const bool is_border = *low == kEmptyRaw || *high == kEmptyRaw;
-    Vec3f slope;
-    for (int a = 0; a < 3; ++a)
-        slope[a] = is_border ? slopeAt(*low < *high ? high : low, a, false)
-                             : (1 - t) * slopeAt(low, a, true) + t * slopeAt(high, a, true);
-    // The edge itself says which way is out; differences over two voxels can miss that on thin sheets.
-    const float along = *high - *low;
-    if (slope[axis] * along <= 0) slope[axis] = along;
-    point.normal = -slope.normalized();
-    return point;
-}
-
 /// Writes one block's vertices and triangles to their places.
 class BlockWriter {
 public:
     BlockWriter(const Surface& surface, const BlockList& blocks, const Block& block, Mesh& mesh)
-        : surface_(surface), blocks_(blocks), block_(block), values_(surface, block.leaf), mesh_(mesh) {}
+        : surface_(surface), blocks_(blocks), block_(block), crossings_(surface, block.leaf), mesh_(mesh) {
+        for (int edge = 0; edge < kCubeEdges; ++edge) {
+            const CubeEdge& e = cubeTable().edges[edge];
+            edge_places_[edge] = e.axis * 729 + e.x * 81 + e.y * 9 + e.z;
+        }
+    }
 
     void write() {
         writeCrossings();
-        numberCrossings();
+        numberNeighbours();
         std::uint32_t centre = block_.first_vertex + block_.n_edges;
         std::uint32_t triangle = block_.first_triangle;
         const auto writeCell = [&](int x, int y, int z, const CubeTriangles& cube) {
-            const auto number = [&](int edge) {
-                return edge == kCubeCentre ? centre : numbers_[edgePlace(edge) + x * 81 + y * 9 + z];
-            };
+            const std::uint32_t* const cell = &numbers_[x * 81 + y * 9 + z];
+            const auto number = [&](int edge) { return edge == kCubeCentre ? centre : cell[edge_places_[edge]]; };
             for (int i = 0; i < cube.count; ++i) {
                 const auto& [a, b, c] = cube.triangles[i];
                 mesh_.triangles[triangle++] = Triangle(number(a), number(b), number(c));
             }
             if (cube.has_centre) writeCentre(centre++, x, y, z, cube);
         };
-        forEachCrossedCell(CornerRows(surface_, block_.leaf), values_, surface_.iso, writeCell);
+        forEachCrossedCell(BlockCorners(surface_, block_.leaf), surface_.iso, writeCell);
     }
 
 private:
@@ -99,16 +60,16 @@ private:
         for (int x = 0; x < kLeafDim; ++x)
             for (int axis = 0; axis < 3; ++axis)
                 forEachBit(block_.crossed[axis][x], [&](int bit) {
-                    writeVertex(number++, crossingOf(values_, x, bit >> 3, bit & 7, axis, surface_.iso));
+                    numbers_[axis * 729 + x * 81 + (bit >> 3) * 9 + (bit & 7)] = number;
+                    writeVertex(number++, crossings_.at(x, bit >> 3, bit & 7, axis));
                 });
     }
 
-    /// Fills numbers_ with the vertices on the edges of the block's cells; the upper ones belong to its
-    /// neighbours.
-    void numberCrossings() {
-        for (int corner = 0; corner < 8; ++corner) {
+    /// The upper edges of the block's cells belong to its neighbours, and so do the vertices there.
+    void numberNeighbours() {
+        for (int corner = 1; corner < 8; ++corner) {
             const Vec3i step = cornerStep(corner);
-            const Block* owner = corner == 0 ? &block_ : blocks_.find(block_.leaf + step);
+            const Block* owner = blocks_.find(block_.leaf + step);
             if (!owner) continue;
             const std::uint64_t border =
                 (step.y() ? 0xffull : ~0ull) & (step.z() ? 0x0101010101010101ull : ~0ull);
@@ -127,11 +88,6 @@ private:
         }
     }
 
-    static int edgePlace(int edge) {
-        const CubeEdge& e = cubeTable().edges[edge];
-        return e.axis * 729 + e.x * 81 + e.y * 9 + e.z;
-    }
-
     /// A centre is the mean of the loop around it: inside the cell, because no face holds the whole loop.
     void writeCentre(std::uint32_t number, int x, int y, int z, const CubeTriangles& cube) {
         SurfacePoint mean{Vec3f::Zero(), Vec3f::Zero()};
@@ -139,7 +95,7 @@ private:
         for (int i = 0; i < cube.count; ++i) {
             if (cube.triangles[i][2] != kCubeCentre) continue;
             const CubeEdge& e = cubeTable().edges[cube.triangles[i][0]];
-            const SurfacePoint point = crossingOf(values_, x + e.x, y + e.y, z + e.z, e.axis, surface_.iso);
+            const SurfacePoint point = crossings_.at(x + e.x, y + e.y, z + e.z, e.axis);
             mean.position += point.position;
             mean.normal += point.normal;
             ++n;
@@ -154,8 +110,9 @@ private:
     const Surface& surface_;
     const BlockList& blocks_;
     const Block& block_;
-    BlockValues values_;
+    BlockCrossings crossings_;
     Mesh& mesh_;
+    std::array<int, kCubeEdges> edge_places_;      // in numbers_, from those of a cell's first corner
     std::array<std::uint32_t, 3 * 729> numbers_;  // [axis][x][y][z], 9 a side; only crossed edges are filled
 };
 
@@ -200,6 +157,26 @@ void warnIfCoarse(const VoxelField& field, Report& report) {
             " exceed what 32-bit floats tell apart; vertices may coincide. Move the scene to the origin");
 }
 
+std::string text(const Vec3d& p) { return text(p.x()) + ", " + text(p.y()) + ", " + text(p.z()); }
+
+/// Closes the surface at the voxel planes nearest to the box's faces.
+void closeAt(const Box& box, Surface& surface, Report& report) {
+    const GridFrame& frame = surface.field.frame();
+    // Beyond the field there is nothing to close; kept small, so that coordinates are no overflow.
+    const Vec3d dims = surface.field.topology().dims().cast<double>();
+    const auto plane = [&](const Vec3d& world) -> Vec3i {
+        const Vec3d index = frame.indexFromWorld(world).array().round();
+        return index.cwiseMax(-2.0 * Vec3d::Ones()).cwiseMin(dims + Vec3d::Ones()).cast<int>();
+    };
+    const VoxelBox bounds{plane(box.min), plane(box.max)};
+    if ((bounds.max.array() <= bounds.min.array()).any())
+        throw UsageError("mesh: bounds", text(box.min) + " to " + text(box.max),
+                         "a box inside of the field that holds two planes of voxels along each axis");
+    report.info("mesh: closed at the voxel planes " + text(frame.worldFromIndex(bounds.min.cast<double>())) + " and " +
+                text(frame.worldFromIndex(bounds.max.cast<double>())));
+    clipSurface(surface, bounds);
+}
+
 }  // namespace
 
 double automaticIso(const VoxelField& field) {
@@ -232,8 +209,12 @@ Mesh extractSurface(const Model& model, const MeshOptions& options, Report& repo
     if (options.fill_inside)
         report.info("mesh: " + std::to_string(fillInside(surface)) +
                     " voxels inside of closed surfaces are filled");
+    if (options.bounds) closeAt(*options.bounds, surface, report);
 
     const BlockList blocks(surface);
+    if (blocks.triangleCount() == 0)
+        throw NumericError("mesh: bounds", "nothing inside of them at density " + text(iso),
+                           "a part of the scene", "look at its box with 'nerfvdb info'");
     Mesh mesh;
     mesh.positions.resize(blocks.vertexCount());
     mesh.normals.resize(blocks.vertexCount());

@@ -16,6 +16,8 @@ struct MeshOptions {
     bool colours = true;  // ask the model for a colour per vertex; costs one network evaluation each
     /// Bodies become solid: no surface where the outside does not reach (see fill_inside.h).
     bool fill_inside = false;
+    /// Only what is inside of this box, world units: the surface closes at the voxel planes nearest to its faces.
+    std::optional<Box> bounds = {};
 };
 
 /// The extinction that stops half of the light over one voxel: ln 2 / voxel_size, in 1 / world unit. Fog may
@@ -27,13 +29,17 @@ double automaticIso(const VoxelField& field);
 /// The surface is where the raw density, before its activation, crosses ln(iso / density_scale): the same
 /// surface as that of sigma, but raw values are what the field interpolates, so that crossings are exact. The
 /// field is taken on all of space: a voxel that is not active (Topology::voxels) holds kEmptyRaw. So the
-/// surface closes by itself at the border of what is known and at the box.
+/// surface closes by itself at the border of what is known and at the box. What has been filled is cut by `bounds`,
+/// not filled within them.
 ///
 /// Holds: every edge has exactly two triangles, in opposite directions, and around every vertex the triangles
 /// form
 ///        one ring (closed, oriented, manifold); no triangle is degenerate; why: see marching_cubes_table.h.
 ///        Ambiguous faces follow the bilinear field on them (asymptotic decider); tunnels through the inside of
 ///        one cube are not made.
+/// Tiles: boxes that adjoin in a voxel plane have, in that plane, the same vertices with the same normals, and all
+///        triangles but those that close the boxes, 2^-10 voxels beyond, are those of the whole surface, each in one
+///        tile. So a surface larger than memory can be made box by box and joined by position.
 /// Cost:  time and memory follow the active leaves; beyond the mesh itself, some 300 bytes per leaf.
 /// Threads: the mesh is the same, byte for byte, for any number of threads.
 /// Errors: UsageError (iso not positive or below that of an empty voxel), NumericError (no voxel, or only empty

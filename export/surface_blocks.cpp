@@ -14,31 +14,53 @@ namespace {
 /// Orders leaf coordinates.
 std::array<int, 3> key(const Vec3i& leaf) { return {leaf.x(), leaf.y(), leaf.z()}; }
 
-/// All leaves, in their order, then the absent places below leaves into which the surface reaches, sorted.
+/// Adds the absent places below a leaf's place into which the surface around its voxels inside may reach.
+void addPlacesBelow(const Topology& topology, const Vec3i& leaf, const LeafMask& inside, std::vector<Vec3i>& absent) {
+    constexpr std::uint64_t kFirstY = 0xff, kFirstZ = 0x0101010101010101;
+    for (int corner = 1; corner < 8; ++corner) {
+        const Vec3i step = cornerStep(corner);
+        const std::uint64_t border = (step.y() ? kFirstY : ~0ull) & (step.z() ? kFirstZ : ~0ull);
+        std::uint64_t bits = 0;
+        for (int x = 0; x < (step.x() ? 1 : kLeafDim); ++x) bits |= inside[x] & border;
+        if (bits && topology.findLeaf(leaf - step) < 0) absent.push_back(leaf - step);
+    }
+}
+
+/// The enclosed places that the faces of the bounds run through or touch, and those below them: the surface that
+/// closes there is far from any leaf.
+void addCutPlaces(const Surface& surface, std::vector<Vec3i>& absent) {
+    const Vec3i leaves = surface.field.topology().dims() / kLeafDim;
+    Vec3i leaf;
+    for (leaf.x() = 0; leaf.x() < leaves.x(); ++leaf.x())
+        for (leaf.y() = 0; leaf.y() < leaves.y(); ++leaf.y())
+            for (leaf.z() = 0; leaf.z() < leaves.z(); ++leaf.z()) {
+                const Vec3i first = leaf * kLeafDim - Vec3i::Ones(), last = leaf * kLeafDim + Vec3i::Constant(kLeafDim);
+                if (!surface.enclosed.contains(leaf)) continue;
+                if (surface.bounds.contains(first) && surface.bounds.contains(last)) continue;
+                absent.push_back(leaf);
+                addPlacesBelow(surface.field.topology(), leaf, surface.bounds.maskOf(leaf), absent);
+            }
+}
+
+/// All leaves, in their order, then the absent places into which the surface reaches, sorted.
 std::vector<Block> listBlocks(const Surface& surface) {
     const Topology& topology = surface.field.topology();
-    constexpr std::uint64_t kFirstY = 0xff, kFirstZ = 0x0101010101010101;
     std::vector<Vec3i> absent;
-    std::vector<Block> blocks;
-    for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf) {
-        const Vec3i coord = topology.leafCoords()[leaf];
-        blocks.emplace_back().leaf = coord;
-        for (int corner = 1; corner < 8; ++corner) {
-            const Vec3i step = cornerStep(corner);
-            const std::uint64_t border = (step.y() ? kFirstY : ~0ull) & (step.z() ? kFirstZ : ~0ull);
-            std::uint64_t bits = 0;
-            for (int x = 0; x < (step.x() ? 1 : kLeafDim); ++x) bits |= surface.inside[leaf][x] & border;
-            if (bits && topology.findLeaf(coord - step) < 0) absent.push_back(coord - step);
-        }
-    }
+    for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf)
+        addPlacesBelow(topology, topology.leafCoords()[leaf], surface.inside[leaf], absent);
+    if (surface.is_filled) addCutPlaces(surface, absent);
     std::sort(absent.begin(), absent.end(), [&](const Vec3i& a, const Vec3i& b) { return key(a) < key(b); });
     absent.erase(std::unique(absent.begin(), absent.end()), absent.end());
+
+    std::vector<Block> blocks;
+    blocks.reserve(topology.leafCount() + absent.size());
+    for (const Vec3i& coord : topology.leafCoords()) blocks.emplace_back().leaf = coord;
     for (const Vec3i& coord : absent) blocks.emplace_back().leaf = coord;
     return blocks;
 }
 
 void surveyBlock(const Surface& surface, Block& block) {
-    const CornerRows rows(surface, block.leaf);
+    const BlockCorners rows(surface, block.leaf);
     for (int x = 0; x < kLeafDim; ++x) {
         for (int y = 0; y < kLeafDim; ++y) {
             const unsigned row = rows.row(x, y);
@@ -51,8 +73,7 @@ void surveyBlock(const Surface& surface, Block& block) {
             block.n_edges += std::popcount(block.crossed[axis][x]);
         }
     }
-    BlockValues values(surface, block.leaf);
-    forEachCrossedCell(rows, values, surface.iso, [&](int, int, int, const CubeTriangles& cube) {
+    forEachCrossedCell(rows, surface.iso, [&](int, int, int, const CubeTriangles& cube) {
         block.n_centres += cube.has_centre;
         block.n_triangles += cube.count;
     });
@@ -60,20 +81,20 @@ void surveyBlock(const Surface& surface, Block& block) {
 
 }  // namespace
 
-BlockList::BlockList(const Surface& surface) : topology_(surface.field.topology()) {
-    std::vector<Block> all = listBlocks(surface);
-    parallelRanges(all.size(), kBlocksPerTask, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t b = begin; b < end; ++b) surveyBlock(surface, all[b]);
+BlockList::BlockList(const Surface& surface) : topology_(surface.field.topology()), blocks_(listBlocks(surface)) {
+    parallelRanges(blocks_.size(), kBlocksPerTask, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t b = begin; b < end; ++b) surveyBlock(surface, blocks_[b]);
     });
     number_of_leaf_.assign(topology_.leafCount(), -1);
-    for (std::size_t b = 0; b < all.size(); ++b) {
-        if (all[b].isEmpty()) continue;
-        if (b < number_of_leaf_.size()) {
-            number_of_leaf_[b] = static_cast<std::int32_t>(blocks_.size());
-            first_absent_ = blocks_.size() + 1;
-        }
-        blocks_.push_back(all[b]);
+    std::size_t n_kept = 0;  // moved in place: a second list would take as much memory again
+    for (std::size_t b = 0; b < blocks_.size(); ++b) {
+        if (b == number_of_leaf_.size()) first_absent_ = n_kept;
+        if (blocks_[b].isEmpty()) continue;
+        if (b < number_of_leaf_.size()) number_of_leaf_[b] = static_cast<std::int32_t>(n_kept);
+        blocks_[n_kept++] = blocks_[b];
     }
+    if (blocks_.size() == number_of_leaf_.size()) first_absent_ = n_kept;
+    blocks_.resize(n_kept);
     placeBlocks();
 }
 

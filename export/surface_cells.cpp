@@ -16,24 +16,66 @@ namespace {
 constexpr float kAbsurdRaw = 1e15f;
 constexpr std::size_t kLeavesPerTask = 32;
 
+/// Bits of one row of eight voxels that are at least iso.
+unsigned rowInside(const float* row, float iso) {
+    // Weights summed without a branch: compilers make vectors of it.
+    static constexpr int kBit[8] = {1, 2, 4, 8, 16, 32, 64, 128};
+    int bits = 0;
+    for (int z = 0; z < 8; ++z) bits |= row[z] >= iso ? kBit[z] : 0;
+    return static_cast<unsigned>(bits);
+}
+
+/// One row of eight voxels, kEmptyRaw where `active` has no bit.
+void copyActive(const float* from, unsigned active, float* to) {
+    static constexpr unsigned kBit[8] = {1, 2, 4, 8, 16, 32, 64, 128};
+    for (int z = 0; z < 8; ++z) to[z] = active & kBit[z] ? from[z] : kEmptyRaw;
+}
+
+/// Bits [low, high] of eight, both cut to what exists.
+unsigned rangeBits(int low, int high) {
+    low = std::max(low, 0), high = std::min(high, 7);
+    return low > high ? 0 : (0xffu >> (7 - high)) & (0xffu << low);
+}
+
 }  // namespace
+
+LeafMask VoxelBox::maskOf(const Vec3i& leaf) const {
+    const Vec3i low = min - leaf * kLeafDim, high = max - leaf * kLeafDim;
+    const unsigned x = rangeBits(low.x(), high.x()), y = rangeBits(low.y(), high.y()),
+                   z = rangeBits(low.z(), high.z());
+    std::uint64_t word = 0;
+    for (int i = 0; i < kLeafDim; ++i) word |= (y >> i & 1 ? std::uint64_t{z} : 0) << (8 * i);
+    LeafMask mask;
+    for (int i = 0; i < kLeafWords; ++i) mask[i] = x >> i & 1 ? word : 0;
+    return mask;
+}
 
 Surface cutField(const VoxelField& field, float iso) {
     const Topology& topology = field.topology();
     const std::size_t n_leaves = topology.leafCount();
-    Surface surface{field, iso, std::vector<LeafMask>(n_leaves), -std::numeric_limits<float>::infinity(), {}};
+    Surface surface{field, iso, std::vector<LeafMask>(n_leaves), -std::numeric_limits<float>::infinity()};
     std::vector<float> largest(n_leaves, surface.largest_raw);
     std::atomic<bool> is_absurd = false;
     parallelRanges(n_leaves, kLeavesPerTask, [&](std::size_t begin, std::size_t end) {
         for (std::size_t leaf = begin; leaf < end; ++leaf) {
-            const float* brick = &field.density()[leaf * kLeafVoxels];
+            const float* row = &field.density()[leaf * kLeafVoxels];
+            float values[kLeafDim];
+            float top = surface.largest_raw, bottom = 0;
+            bool is_number = true;
             for (int x = 0; x < kLeafWords; ++x)
-                forEachBit(topology.voxels()[leaf][x], [&](int bit) {
-                    const float raw = brick[x * 64 + bit];
-                    if (!(std::abs(raw) < kAbsurdRaw)) is_absurd = true;  // written so that NaN is absurd, too
-                    largest[leaf] = std::max(largest[leaf], raw);
-                    surface.inside[leaf][x] |= static_cast<std::uint64_t>(raw >= iso) << bit;
-                });
+                for (int y = 0; y < kLeafDim; ++y, row += kLeafDim) {
+                    const unsigned active = topology.voxels()[leaf][x] >> (8 * y) & 0xff;
+                    if (!active) continue;
+                    copyActive(row, active, values);
+                    for (const float raw : values) {
+                        is_number &= raw == raw;
+                        top = std::max(top, raw);
+                        bottom = std::min(bottom, raw);
+                    }
+                    surface.inside[leaf][x] |= std::uint64_t{rowInside(values, iso) & active} << (8 * y);
+                }
+            if (!is_number || top >= kAbsurdRaw || bottom <= -kAbsurdRaw) is_absurd = true;
+            largest[leaf] = top;
         }
     });
     if (is_absurd)
@@ -43,14 +85,20 @@ Surface cutField(const VoxelField& field, float iso) {
     return surface;
 }
 
-CornerRows::CornerRows(const Surface& surface, const Vec3i& leaf) {
-    static constexpr std::uint64_t kAll = ~std::uint64_t{0};
-    static constexpr LeafMask kEnclosed{kAll, kAll, kAll, kAll, kAll, kAll, kAll, kAll};
+void clipSurface(Surface& surface, const VoxelBox& bounds) {
+    surface.bounds = bounds;
+    for (std::size_t leaf = 0; leaf < surface.inside.size(); ++leaf) {
+        const LeafMask kept = bounds.maskOf(surface.field.topology().leafCoords()[leaf]);
+        for (int x = 0; x < kLeafWords; ++x) surface.inside[leaf][x] &= kept[x];
+    }
+}
+
+BlockCorners::BlockCorners(const Surface& surface, const Vec3i& leaf) : field_(surface.field) {
     for (int corner = 0; corner < 8; ++corner) {
         const Vec3i step = cornerStep(corner);
-        const int number = surface.field.topology().findLeaf(leaf + step);
+        const int number = leaves_[corner] = field_.topology().findLeaf(leaf + step);
         if (number < 0 && !surface.enclosed.contains(leaf + step)) continue;
-        const LeafMask& mask = number < 0 ? kEnclosed : surface.inside[number];
+        const LeafMask mask = number < 0 ? surface.bounds.maskOf(leaf + step) : surface.inside[number];
         for (int x = 0; x < (step.x() ? 1 : kLeafDim); ++x)
             for (int y = 0; y < (step.y() ? 1 : kLeafDim); ++y) {
                 const unsigned bits = mask[x] >> (8 * y) & 0xff;
@@ -59,36 +107,44 @@ CornerRows::CornerRows(const Surface& surface, const Vec3i& leaf) {
     }
 }
 
-void BlockValues::gather() {
-    const Topology& topology = surface_.field.topology();
+BlockValues::BlockValues(const Surface& surface, const Vec3i& leaf) {
+    const Topology& topology = surface.field.topology();
     // Along each axis: the last voxel of the block before, the block, the first two of the block after.
-    constexpr int kFirst[3] = {7, 0, 0}, kCount[3] = {1, 8, 2}, kPlace[3] = {0, 1, 9};
+    static constexpr int kFirst[3] = {7, 0, 0}, kCount[3] = {1, 8, 2}, kPlace[3] = {0, 1, 9};
     values_.fill(kEmptyRaw);
     for (int i = 0; i < 27; ++i) {
         const int block[3] = {i / 9, i / 3 % 3, i % 3};
-        const Vec3i leaf = leaf_ + Vec3i(block[0] - 1, block[1] - 1, block[2] - 1);
-        const int number = topology.findLeaf(leaf);
-        const bool is_enclosed = number < 0 && surface_.enclosed.contains(leaf);
+        const Vec3i place = leaf + Vec3i(block[0] - 1, block[1] - 1, block[2] - 1);
+        const int number = topology.findLeaf(place);
+        const bool is_enclosed = number < 0 && surface.enclosed.contains(place);
         if (number < 0 && !is_enclosed) continue;
         const float* brick =
-            is_enclosed ? nullptr : &surface_.field.density()[number * std::size_t{kLeafVoxels}];
+            is_enclosed ? nullptr : &surface.field.density()[number * std::size_t{kLeafVoxels}];
         for (int x = 0; x < kCount[block[0]]; ++x)
             for (int y = 0; y < kCount[block[1]]; ++y) {
-                const int offset = brickOffset(kFirst[block[0]] + x, kFirst[block[1]] + y, kFirst[block[2]]);
                 float* row = &values_[(kPlace[block[0]] + x) * kStride[0] +
                                       (kPlace[block[1]] + y) * kStride[1] + kPlace[block[2]]];
-                for (int z = 0; z < kCount[block[2]]; ++z) {
-                    if (!is_enclosed && testBit(topology.voxels()[number], offset + z))
-                        row[z] = brick[offset + z];
-                    const bool is_inside = is_enclosed || testBit(surface_.inside[number], offset + z);
-                    if (is_inside && row[z] < surface_.iso) row[z] = kFilledRaw;
+                if (is_enclosed) {
+                    std::fill_n(row, kCount[block[2]], kFilledRaw);
+                    continue;
                 }
+                const int word = kFirst[block[0]] + x, bit = 8 * (kFirst[block[1]] + y) + kFirst[block[2]];
+                const float* from = brick + word * 64 + bit;
+                const std::uint64_t active = topology.voxels()[number][word] >> bit;
+                if (block[2] == 1)
+                    copyActive(from, active & 0xff, row);
+                else
+                    for (int z = 0; z < kCount[block[2]]; ++z)
+                        if (active >> z & 1) row[z] = from[z];
+                if (surface.is_filled)
+                    for (int z = 0; z < kCount[block[2]]; ++z)
+                        if (surface.inside[number][word] >> (bit + z) & 1 && row[z] < surface.iso)
+                            row[z] = kFilledRaw;
             }
     }
-    is_gathered_ = true;
 }
 
-unsigned joinedFaces(unsigned faces, const float* corner, float iso) {
+unsigned joinedFaces(unsigned faces, const BlockCorners& corners, const Vec3i& cell, float iso) {
     const CubeTable& table = cubeTable();
     unsigned answers = 0;
     int n = 0;
@@ -96,10 +152,8 @@ unsigned joinedFaces(unsigned faces, const float* corner, float iso) {
         if (!(faces >> face & 1)) continue;
         double value[4];
         for (int i = 0; i < 4; ++i) {
-            const Vec3i step = cornerStep(table.face_corners[face][i]);
-            value[i] =
-                corner[step.x() * BlockValues::kStride[0] + step.y() * BlockValues::kStride[1] + step.z()] -
-                iso;
+            const Vec3i corner = cell + cornerStep(table.face_corners[face][i]);
+            value[i] = corners.value(corner.x(), corner.y(), corner.z()) - iso;
         }
         const double even = value[0] * value[2], odd = value[1] * value[3];
         const bool is_even_inside = value[0] >= 0;

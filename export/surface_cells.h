@@ -52,47 +52,70 @@ private:
     std::vector<bool> bits_;
 };
 
+/// Voxel coordinates, both ends included. The default holds every voxel.
+struct VoxelBox {
+    Vec3i min = Vec3i::Constant(std::numeric_limits<int>::min() / 2);
+    Vec3i max = Vec3i::Constant(std::numeric_limits<int>::max() / 2);
+
+    bool contains(const Vec3i& voxel) const {
+        return (voxel.array() >= min.array()).all() && (voxel.array() <= max.array()).all();
+    }
+    /// The voxels of a leaf's place that lie in the box.
+    LeafMask maskOf(const Vec3i& leaf) const;
+};
+
 /// A field cut at a raw density, and the voxels inside.
 struct Surface {
     const VoxelField& field;
     float iso;                     // raw density
     std::vector<LeafMask> inside;  // [leaf] active voxels with raw >= iso, and what was filled
     float largest_raw;             // of all active voxels; -infinity without any
-    LeafSet enclosed;              // places without a leaf that were filled
+    bool is_filled = false;        // `inside` holds voxels whose density means nothing
+    LeafSet enclosed = {};         // places without a leaf that were filled
+    VoxelBox bounds = {};          // nothing beyond is inside; values there are those of the field
 };
 
 /// Throws NumericError when the density of an active voxel is not finite or beyond 1e15.
 Surface cutField(const VoxelField& field, float iso);
 
-/// Inside bits of the 9^3 corners of a block's cells: for each (x, y) a row of nine bits along z.
-class CornerRows {
+/// Takes away from the inside what lies beyond `bounds`: the surface closes there.
+void clipSurface(Surface& surface, const VoxelBox& bounds);
+
+/// The corners of a block's cells, 9 a side: inside or outside, and how dense.
+class BlockCorners {
 public:
-    CornerRows(const Surface& surface, const Vec3i& leaf);
+    BlockCorners(const Surface& surface, const Vec3i& leaf);
+
+    /// Inside bits along z of the nine corners at (x, y).
     unsigned row(int x, int y) const { return rows_[x * 9 + y]; }
+    /// Raw density of a corner that was not filled.
+    float value(int x, int y, int z) const {
+        const int leaf = leaves_[x >> 3 << 2 | y >> 3 << 1 | z >> 3];
+        const int offset = brickOffset(x & 7, y & 7, z & 7);
+        return leaf >= 0 && testBit(field_.topology().voxels()[leaf], offset)
+                   ? field_.density()[leaf * std::size_t{kLeafVoxels} + offset]
+                   : kEmptyRaw;
+    }
 
 private:
+    const VoxelField& field_;
+    std::array<int, 8> leaves_;  // leaf numbers at the steps of cornerStep, or -1
     std::array<unsigned, 81> rows_{};
 };
 
-/// Raw densities of a block and one voxel around its cells: coordinates -1 to 9. Gathered on first use.
+/// Raw densities of a block and one voxel around its cells: coordinates -1 to 9.
 class BlockValues {
 public:
-    BlockValues(const Surface& surface, const Vec3i& leaf) : surface_(surface), leaf_(leaf) {}
+    BlockValues(const Surface& surface, const Vec3i& leaf);
 
     /// Pointer to the value at (x, y, z); neighbours lie at +-kStride[axis].
-    const float* at(int x, int y, int z) {
-        if (!is_gathered_) gather();
+    const float* at(int x, int y, int z) const {
         return &values_[(x + 1) * kStride[0] + (y + 1) * kStride[1] + z + 1];
     }
 
     static constexpr int kStride[3] = {121, 11, 1};
 
 private:
-    void gather();
-
-    const Surface& surface_;
-    Vec3i leaf_;
-    bool is_gathered_ = false;
     std::array<float, 11 * 11 * 11> values_;
 };
 
@@ -100,24 +123,26 @@ private:
 /// On a face, the bilinear field has its saddle at (a c - b d) / (a + c - b - d), with a, c the inside corners
 /// and b, d the outside ones, relative to iso: they are joined if the saddle is inside. Products of two floats
 /// are exact in double, so both cells at a face give the same answer. Source: Nielson and Hamann 1991.
-unsigned joinedFaces(unsigned faces, const float* corner, float iso);
+unsigned joinedFaces(unsigned faces, const BlockCorners& corners, const Vec3i& cell, float iso);
 
 /// Calls visit(x, y, z, triangles) for every cell of a block that the surface runs through.
 template <typename Visit>
-void forEachCrossedCell(const CornerRows& rows, BlockValues& values, float iso, const Visit& visit) {
+void forEachCrossedCell(const BlockCorners& corners, float iso, const Visit& visit) {
     const CubeTable& table = cubeTable();
     for (int x = 0; x < kLeafDim; ++x)
         for (int y = 0; y < kLeafDim; ++y) {
-            const unsigned row[4] = {rows.row(x, y), rows.row(x, y + 1), rows.row(x + 1, y),
-                                     rows.row(x + 1, y + 1)};
+            const unsigned row[4] = {corners.row(x, y), corners.row(x, y + 1), corners.row(x + 1, y),
+                                     corners.row(x + 1, y + 1)};
             const unsigned any = row[0] | row[1] | row[2] | row[3], all = row[0] & row[1] & row[2] & row[3];
             forEachBit((any | any >> 1) & ~(all & all >> 1) & 0xff, [&](int z) {
                 // Bits z and z + 1 of a row are the corners (., ., 0) and (., ., 1) of the cell.
-                unsigned corners = 0;
-                for (int i = 0; i < 4; ++i) corners |= (row[i] >> z & 3) << (2 * i);
-                const CubePattern& pattern = table.patterns[corners];
+                unsigned signs = 0;
+                for (int i = 0; i < 4; ++i) signs |= (row[i] >> z & 3) << (2 * i);
+                const CubePattern& pattern = table.patterns[signs];
                 const unsigned answers =
-                    pattern.ambiguous_faces ? joinedFaces(pattern.ambiguous_faces, values.at(x, y, z), iso) : 0;
+                    pattern.ambiguous_faces
+                        ? joinedFaces(pattern.ambiguous_faces, corners, Vec3i(x, y, z), iso)
+                        : 0;
                 visit(x, y, z, table.variants[pattern.first_variant + answers]);
             });
         }

@@ -63,7 +63,7 @@ fence() {
             grep -vE "^($files):" || true)
 }
 
-fence OpenVDB 'openvdb/' '(vdb|export)/[a-z0-9_]+\.cpp|vdb/(topology_tree|vdb_file)\.h'
+fence OpenVDB 'openvdb/' '(vdb|export)/[a-z0-9_]+\.cpp|vdb/(topology_tree|vdb_file)\.h|bench/openvdb_peer\.cpp'
 fence OpenImageIO 'OpenImageIO/' 'core/image\.cpp'
 fence Highway 'hwy/' 'core/simd/.*'
 fence TBB '(tbb|oneapi)/' 'core/parallel\.h'
@@ -71,6 +71,7 @@ fence JSON 'nlohmann/' 'trainer/[a-z0-9_]+\.(cpp|h)|export/camera_export\.cpp|be
 fence CLI11 'CLI/' 'cli/.*'
 fence meshoptimizer 'meshoptimizer' 'export/mesh_simplify\.cpp'
 fence tinygltf 'tiny_gltf' 'export/gltf_file\.cpp'
+fence VTK 'vtk' 'bench/flying_edges_peer\.cpp'
 fence xxHash 'xxhash' 'core/atomic_file\.cpp'
 
 # --- 3. no printing, no exit ----------------------------------------------------------------------------------

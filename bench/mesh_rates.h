@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// How fast the scene leaves: surfaces extracted and volumes written, beside what others need for the same.
+#pragma once
+
+#include <filesystem>
+
+#include "bench/plot.h"
+#include "bench/result.h"
+#include "core/report.h"
+
+namespace nerfvdb {
+
+struct MeshRateOptions {
+    int repeats = 5;
+    int resolution = 512;                 // voxels along the edge of each scene's box
+    std::filesystem::path scratch = {};   // folder for volumes; empty: they are not measured
+};
+
+/// A series for each scene of surface_scene.h and number of threads (one, and all that are allowed), a row for each
+/// way: nerfvdb's extractSurface with normals, and its peers (mesh_peers.h). Columns: seconds, cpu_seconds,
+/// triangles, triangles_per_s, and memory: the peak beyond what was in use before, over the bytes of the mesh.
+/// With a scratch folder a series "writing .vdb" more: exportVdb, and OpenVDB alone with the same grids; its column
+/// is voxels_per_s, active voxels of the density.
+BenchResult benchMesh(const MeshRateOptions& options, Report& report);
+
+/// Triangles a second.
+Plot meshPlot(const BenchResult& result);
+
+}  // namespace nerfvdb
