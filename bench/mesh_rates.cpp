@@ -75,12 +75,14 @@ void benchWriting(const MeshRateOptions& options, Report& report, BenchResult& r
     };
     const std::vector<std::pair<std::string, ExportVdbOptions::Color>> kinds = {
         {"density", ExportVdbOptions::Color::none}, {"density and color", ExportVdbOptions::Color::diffuse}};
+    Report silent;  // of each export: the benchmark reports itself
     std::vector<Volume> volumes;
     std::vector<std::function<void()>> bodies;
     for (const auto& [what, color] : kinds) {
-        Volume volume{what, {.color = color}, folder / (what + ".vdb")};
-        volume.voxels = static_cast<double>(exportVdb(scene.model, volume.path, volume.options).active_voxels);
-        bodies.push_back([&scene, volume] { exportVdb(scene.model, volume.path, volume.options); });
+        Volume volume{what, {}, folder / (what + ".vdb")};
+        volume.options.color = color;
+        volume.voxels = static_cast<double>(exportVdb(scene.model, volume.path, volume.options, silent).active_voxels);
+        bodies.push_back([&scene, &silent, volume] { exportVdb(scene.model, volume.path, volume.options, silent); });
         bodies.push_back(plainWriter(volume.path, folder / (what + " again.vdb")));
         volumes.push_back(std::move(volume));
     }

@@ -22,6 +22,7 @@ struct ExportWords {
     std::string model, out, color = "diffuse", up, source_up = "z", blender_memory;
     std::vector<double> bounds;
     double min_alpha = -1;
+    int finer = 0;
     bool full_precision = false, center = false, ground = false, volume_only = false, level_set = false;
     ExportVdbOptions options;
     SharedOptions shared;
@@ -40,6 +41,7 @@ double blenderLimit(const std::string& size) {
 ExportVdbOptions exportOptions(const ExportWords& words) {
     ExportVdbOptions options = words.options;
     options.color = words.color == "none" ? Color::none : words.color == "mean" ? Color::mean : Color::diffuse;
+    if (words.finer > 0) options.finer = words.finer;
     if (words.min_alpha >= 0) options.min_alpha = words.min_alpha;
     if (!words.bounds.empty()) options.bounds = parseBounds("--bounds", words.bounds);
     if (!words.blender_memory.empty())
@@ -105,6 +107,7 @@ Json exportJson(const ExportWords& words, const ExportVdbReport& exported) {
                  {"active_voxels", exported.active_voxels},
                  {"left_out_voxels", exported.left_out},
                  {"voxel_size", exported.voxel_size},
+                 {"finer_than_model", exported.finer},
                  {"box_voxels", {exported.box_voxels.x(), exported.box_voxels.y(), exported.box_voxels.z()}},
                  {"blender_bytes", kBlenderItself + exported.blender_bytes},
                  {"half", exported.half},
@@ -127,6 +130,7 @@ std::string exportText(const ExportWords& words, const ExportVdbOptions& options
     for (const ExportVdbReport::File& file : exported.files)
         text += formatted("%s: %zu active voxels of %.4g units, %s\n", file.path.string().c_str(), file.active_voxels,
                           exported.voxel_size, sizeText(static_cast<double>(file.bytes)).c_str());
+    if (exported.finer > 1) text += formatted("voxels %.3g times finer than the model's\n", exported.finer);
     text += formatted("bounding box: %d x %d x %d voxels; Blender takes about %s for it\n", box.x(), box.y(), box.z(),
                       sizeText(kBlenderItself + exported.blender_bytes).c_str());
     if (exported.left_out > 0)
@@ -198,6 +202,11 @@ Command addExport(CLI::App& program) {
                    "Leave out voxels that stop less light than this share [1e-5, and what no camera sees]")
         ->check(CLI::Range(0.0, 1.0))
         ->type_name("SHARE");
+    app.add_option("--finer", words->finer,
+                   "Voxels N times finer than the model's: what is thinner than one keeps its shape [1, or up to 3 where "
+                   "pictures would lose a decibel without]")
+        ->check(CLI::Range(1, 4))
+        ->type_name("N");
     app.add_option("--max-resolution", words->options.max_resolution,
                    "At most N voxels along the longest side [as the model]")
         ->check(CLI::PositiveNumber)

@@ -29,6 +29,10 @@ struct ExportVdbOptions {
     /// else 1e-5, and what no camera sees is left out, too (see collectColors).
     std::optional<double> min_alpha;
     int fit_steps = 1000;             // of VolumeFit; 0: none. Needs cameras and colour
+    /// Voxels of the model's over those written, 1 to 4: what is thinner than a voxel of the model keeps its shape on
+    /// finer ones. Absent: 1, or up to 3, as long as the volume falls a decibel or more behind what the model shows
+    /// without view-dependence, and stays below 30 million voxels; 1 without cameras, with a limit, or unfitted.
+    std::optional<int> finer;
     double max_resolution = 0;        // voxels along the longest side of what is written; 0: as the model
     double max_voxels = 0;            // active voxels; 0: no limit
     double max_blender_bytes = 0;     // blenderBytes of all that is written; 0: no limit
@@ -50,6 +54,7 @@ struct ExportVdbReport {
     std::size_t bytes = 0;
     Similarity placement;            // from the model's world to the file's
     double voxel_size = 0;           // units of the file
+    double finer = 1;                // the model's voxels over these
     Box bounds;                      // of the active voxels, in the model's world
     Vec3i box_voxels = Vec3i::Zero();  // of these bounds, which some programs make dense
     double blender_bytes = 0;        // blenderBytes

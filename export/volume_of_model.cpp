@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -60,14 +61,15 @@ LeafMask visibleVoxels(const float* sigma, double voxel_size, double min_alpha) 
     return mask;
 }
 
-/// `sigmaOf(leaf coordinate)` [512] is what fills the volume.
+/// `sigmaOf(leaf coordinate, sigma [512])` says what fills the volume.
 template <typename SigmaOf>
 Volume makeVolume(const std::vector<Topology::LeafCells>& active, const GridFrame& frame, const SigmaOf& sigmaOf) {
     Volume volume(active, frame);
     const float opaque = volumeSigma(kMaxRaw, 1e30, frame.voxel_size);
     parallelFor(volume.topology().leafCount(), [&](std::size_t leaf) {
         if (volume.active()[leaf] == LeafMask{}) return;
-        const float* sigma = sigmaOf(volume.topology().leafCoords()[leaf] + volume.firstVoxel() / kLeafDim);
+        std::array<float, kLeafVoxels> sigma;
+        sigmaOf(volume.topology().leafCoords()[leaf] + volume.firstVoxel() / kLeafDim, sigma.data());
         forEachBit(volume.active()[leaf], [&](int offset) {
             volume.sigma()[leaf * kLeafVoxels + offset] = std::min(sigma[offset], opaque);
         });
@@ -88,9 +90,56 @@ Volume onOwnVoxels(const VoxelField& field, double min_alpha) {
         active[leaf] = {coord, visibleVoxels(&sigma[leaf * kLeafVoxels], field.frame().voxel_size, min_alpha)};
     });
     std::erase_if(active, [](const Topology::LeafCells& entry) { return entry.cells == LeafMask{}; });
-    return makeVolume(active, field.frame(), [&](const Vec3i& leaf) {
-        return &sigma[static_cast<std::size_t>(topology.findLeaf(leaf)) * kLeafVoxels];
+    return makeVolume(active, field.frame(), [&](const Vec3i& leaf, float* out) {
+        std::copy_n(&sigma[static_cast<std::size_t>(topology.findLeaf(leaf)) * kLeafVoxels], kLeafVoxels, out);
     });
+}
+
+/// Raw density between voxels, in index space; nothing where a voxel with a say is not active.
+std::optional<float> rawBetween(const VoxelField& field, const Vec3d& at) {
+    const Topology& topology = field.topology();
+    const Vec3i low = at.array().floor().cast<int>();
+    const Vec3f u = (at - low.cast<double>()).cast<float>();
+    float raw = 0;
+    for (int corner = 0; corner < 8; ++corner) {
+        const Vec3i step(corner >> 2 & 1, corner >> 1 & 1, corner & 1);
+        float weight = 1;
+        for (int axis = 0; axis < 3; ++axis) weight *= step[axis] ? u[axis] : 1 - u[axis];
+        if (weight == 0) continue;
+        const Vec3i voxel = low + step;
+        const int leaf = topology.findLeaf(voxel / kLeafDim);
+        const int offset = brickOffset(voxel.x() & 7, voxel.y() & 7, voxel.z() & 7);
+        if (leaf < 0 || !testBit(topology.voxels()[leaf], offset)) return std::nullopt;
+        raw += weight * field.density()[static_cast<std::size_t>(leaf) * kLeafVoxels + offset];
+    }
+    return raw;
+}
+
+Volume onFinerVoxels(const VoxelField& field, int times, double min_alpha) {
+    const Topology& topology = field.topology();
+    const GridFrame frame{field.frame().origin, field.frame().voxel_size / times};
+    const int parts = times * times * times;
+    const auto sigmaOf = [&](const Vec3i& leaf, float* sigma) {
+        for (int offset = 0; offset < kLeafVoxels; ++offset) {
+            const Vec3i voxel = leaf * kLeafDim + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
+            const std::optional<float> raw = rawBetween(field, voxel.cast<double>() / times);
+            sigma[offset] = raw ? volumeSigma(*raw, field.densityScale(), frame.voxel_size) : 0.0f;
+        }
+    };
+    const auto partOf = [&](std::size_t i) {
+        const int part = static_cast<int>(i % parts);
+        return Vec3i(topology.leafCoords()[i / parts] * times +
+                     Vec3i(part / (times * times), part / times % times, part % times));
+    };
+    std::vector<Topology::LeafCells> active(topology.leafCount() * parts);
+    parallelFor(active.size(), [&](std::size_t i) {
+        std::array<float, kLeafVoxels> sigma;
+        active[i].leaf = partOf(i);
+        sigmaOf(active[i].leaf, sigma.data());
+        active[i].cells = visibleVoxels(sigma.data(), frame.voxel_size, min_alpha);
+    });
+    std::erase_if(active, [](const Topology::LeafCells& entry) { return entry.cells == LeafMask{}; });
+    return makeVolume(active, frame, [&](const Vec3i& leaf, float* sigma) { sigmaOf(leaf, sigma); });
 }
 
 Volume onCoarserVoxels(const VoxelField& field, const VolumeGridOptions& options) {
@@ -100,7 +149,9 @@ Volume onCoarserVoxels(const VoxelField& field, const VolumeGridOptions& options
     for (const auto& [coord, leaf] : sums)
         if (const LeafMask mask = visibleVoxels(leaf.sigma.data(), frame.voxel_size, options.min_alpha); mask != LeafMask{})
             active.push_back({coord, mask});
-    return makeVolume(active, frame, [&](const Vec3i& leaf) { return sums.at(leaf).sigma.data(); });
+    return makeVolume(active, frame, [&](const Vec3i& leaf, float* out) {
+        std::copy_n(sums.at(leaf).sigma.data(), kLeafVoxels, out);
+    });
 }
 
 }  // namespace
@@ -108,8 +159,10 @@ Volume onCoarserVoxels(const VoxelField& field, const VolumeGridOptions& options
 Volume volumeOfModel(const VoxelField& field, const VolumeGridOptions& options) {
     if (!(options.min_alpha >= 0 && options.min_alpha < 1))
         throw UsageError("min_alpha", std::to_string(options.min_alpha), "a number in [0, 1)");
+    for (const int times : {2, 3, 4})
+        if (options.voxel_scale == 1.0 / times) return onFinerVoxels(field, times, options.min_alpha);
     if (!(options.voxel_scale >= 1) || !std::isfinite(options.voxel_scale))
-        throw UsageError("voxel_scale", std::to_string(options.voxel_scale), "a number of at least 1");
+        throw UsageError("voxel_scale", std::to_string(options.voxel_scale), "1/2, 1/3, 1/4 or a number of at least 1");
     return options.voxel_scale == 1 ? onOwnVoxels(field, options.min_alpha) : onCoarserVoxels(field, options);
 }
 

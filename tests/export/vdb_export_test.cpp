@@ -15,6 +15,7 @@
 #include "core/parallel.h"
 #include "tests/support/catch.h"
 #include "tests/support/data.h"
+#include "tests/support/grid_field.h"
 #include "tests/support/seen_model.h"
 #include "tests/support/temp_dir.h"
 #include "vdb/model_file.h"
@@ -219,6 +220,29 @@ TEST_CASE("limits are kept, by coarser voxels") {
     options.max_voxels = 1;
     CHECK_THROWS_AS(exportVdb(model, folder / "none.vdb", options, silent), Error);  // one voxel is no scene
     CHECK_FALSE(fs::exists(folder / "none.vdb"));
+}
+
+TEST_CASE("where own voxels lose too much, finer ones are taken, unless told otherwise") {
+    const TempDir folder;
+    Model model = test::seenModel(24);
+    // Rods thinner than a voxel: one voxel in four is dense, along one axis.
+    test::forEachVoxel(model.field.topology(), [&](const Vec3i& ijk, std::size_t i) {
+        model.field.density()[i] = ijk.x() % 4 == 0 && ijk.y() % 4 == 0 ? 6.0f : -12.0f;
+    });
+    ExportVdbOptions options;
+    options.fit_steps = 60;
+    const ExportVdbReport chosen = exportVdb(model, folder / "chosen.vdb", options, silent);
+    CHECK(chosen.finer > 1);
+    options.finer = 1;
+    const ExportVdbReport own = exportVdb(model, folder / "own.vdb", options, silent);
+    CHECK(own.finer == 1);
+    CHECK(own.loss->psnr < own.loss->psnr_diffuse - 1);
+    CHECK(chosen.loss->psnr > own.loss->psnr + 1);
+    options.finer.reset();
+    options.max_resolution = 1000;
+    CHECK(exportVdb(model, folder / "limited.vdb", options, silent).finer == 1);
+    options.finer = 5;
+    CHECK_THROWS_AS(exportVdb(model, folder / "bad.vdb", options, silent), UsageError);
 }
 
 TEST_CASE("tiles line up: together they are the whole volume, voxel by voxel") {
