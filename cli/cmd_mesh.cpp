@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // nerfvdb mesh: the surface of a model as triangles.
 #include "cli/commands.h"
+#include "cli/mesh_comparison.h"
 #include "cli/mesh_rework.h"
 #include "cli/output_path.h"
 #include "cli/process.h"
@@ -15,20 +16,30 @@ namespace nerfvdb {
 namespace {
 
 struct MeshWords {
-    std::string model, out, iso = "auto", up;
+    std::string model, out, compare, iso = "auto", up;
     bool no_colours = false, fill_inside = false;
     std::vector<double> bounds;
     ReworkWords rework;
     SharedOptions shared;
 };
 
+/// What can be refused before long work.
+void checkWords(const MeshWords& words) {
+    checkRework(words.rework);
+    if (words.out.empty()) {
+        if (words.compare.empty()) throw UsageError("mesh", "no --out", "a file to write, or --compare");
+        if (!words.up.empty()) throw UsageError("--up", "no --out", "a .glb file to write");
+        return;
+    }
+    if (meshFormat(words.out) != MeshFormat::glb && !words.up.empty())
+        throw UsageError("--up", "a file that is not .glb", "no --up", "other formats do not say which axis is up");
+    prepareOutputFile("--out", words.out);
+}
+
 void runMesh(const MeshWords& words) {
     const auto limit = words.shared.begin();
-    const MeshFormat format = meshFormat(words.out);
-    if (!words.up.empty() && format != MeshFormat::glb)
-        throw UsageError("--up", "a file that is not .glb", "no --up", "other formats do not say which axis is up");
-    checkRework(words.rework);
-    prepareOutputFile("--out", words.out);
+    checkWords(words);
+    const Mesh truth = words.compare.empty() ? Mesh{} : readPly(words.compare);
     MeshOptions options;
     options.colours = false;  // asked for once the vertices are where they will be
     options.fill_inside = words.fill_inside;
@@ -45,32 +56,44 @@ void runMesh(const MeshWords& words) {
     const double iso = options.iso.value_or(automaticIso(model.field));
     Mesh mesh = extractSurface(model, options, report);
     const IslandCounts islands = reworkMesh(mesh, words.rework, report);
-    if (!words.no_colours && format != MeshFormat::stl) colourVertices(model, mesh);
+    if (!words.out.empty()) {
+        if (!words.no_colours && meshFormat(words.out) != MeshFormat::stl) colourVertices(model, mesh);
+        writeMesh(words.out, mesh, words.up == "y" ? UpAxis::y : UpAxis::z);
+    }
     report.end();
-    writeMesh(words.out, mesh, words.up == "y" ? UpAxis::y : UpAxis::z);
 
     const MeshMeasures measures = measureMesh(mesh);
-    const auto bytes = std::filesystem::file_size(words.out);
-    words.shared.finish(
-        {{"command", "mesh"},
-         {"out", words.out},
-         {"iso", iso},
-         {"vertices", mesh.positions.size()},
-         {"faces", mesh.triangles.size()},
-         {"pieces", measures.pieces},
-         {"dropped_pieces", islands.dropped_pieces},
-         {"dropped_faces", islands.dropped_faces},
-         {"largest_piece_faces", islands.largest_faces},
-         {"closed", measures.closed()},
-         {"area", measures.area},
-         {"volume", measures.volume},
-         {"file_bytes", bytes},
-         {"peak_memory_bytes", peakMemoryBytes()}},
-        formatted("%s: %zu vertices, %zu faces in %zu pieces, %s, at density %.4g per world unit, %s\n"
-                  "dropped as islands: %zu pieces with %zu faces\n",
-                  words.out.c_str(), mesh.positions.size(), mesh.triangles.size(), measures.pieces,
-                  measures.closed() ? "closed" : "not closed", iso, sizeText(static_cast<double>(bytes)).c_str(),
-                  islands.dropped_pieces, islands.dropped_faces));
+    Json json = {{"command", "mesh"},
+                 {"iso", iso},
+                 {"vertices", mesh.positions.size()},
+                 {"faces", mesh.triangles.size()},
+                 {"pieces", measures.pieces},
+                 {"dropped_pieces", islands.dropped_pieces},
+                 {"dropped_faces", islands.dropped_faces},
+                 {"largest_piece_faces", islands.largest_faces},
+                 {"closed", measures.closed()},
+                 {"area", measures.area},
+                 {"volume", measures.volume}};
+    std::string text = formatted(
+        "%s: %zu vertices, %zu faces in %zu pieces, %s, at density %.4g per world unit\n"
+        "dropped as islands: %zu pieces with %zu faces\n",
+        words.out.empty() ? words.model.c_str() : words.out.c_str(), mesh.positions.size(), mesh.triangles.size(),
+        measures.pieces, measures.closed() ? "closed" : "not closed", iso, islands.dropped_pieces,
+        islands.dropped_faces);
+    if (!words.out.empty()) {
+        const auto bytes = std::filesystem::file_size(words.out);
+        json["out"] = words.out;
+        json["file_bytes"] = bytes;
+        text += formatted("%s: %s\n", words.out.c_str(), sizeText(static_cast<double>(bytes)).c_str());
+    }
+    if (!words.compare.empty()) {
+        const double voxel_size = model.field.frame().voxel_size;
+        const MeshComparison comparison = compareMeshes(mesh, truth, {.threshold = voxel_size});
+        json["comparison"] = comparisonJson(comparison, voxel_size);
+        text += comparisonText(comparison, voxel_size);
+    }
+    json["peak_memory_bytes"] = peakMemoryBytes();
+    words.shared.finish(json, text);
 }
 
 }  // namespace
@@ -80,7 +103,10 @@ Command addMesh(CLI::App& program) {
     CLI::App& app =
         *program.add_subcommand("mesh", "Extract the surface of a model as a coloured triangle mesh");
     app.add_option("MODEL", words->model, "A model that 'nerfvdb train' made")->required();
-    app.add_option("--out", words->out, "The mesh: .ply, .obj, .glb (glTF) or .stl (no colours)")->required()->type_name("FILE");
+    app.add_option("--out", words->out, "The mesh: .ply, .obj, .glb (glTF) or .stl (no colours)")->type_name("FILE");
+    app.add_option("--compare", words->compare,
+                   "Measure distances to this mesh (.ply, binary, triangles), with or without --out")
+        ->type_name("TRUTH.ply");
     app.add_option(
            "--iso", words->iso,
            "Density at the surface, 1 / world unit; auto stops half of the light over one voxel, and in fog "
@@ -97,7 +123,10 @@ Command addMesh(CLI::App& program) {
     app.add_option("--up", words->up, "The axis of the model's world that .glb is told points up: y or z [z]")
         ->check(CLI::IsMember({"y", "z"}))
         ->type_name("AXIS");
-    words->shared.add(app, "  nerfvdb mesh lego.vdb --out lego.ply");
+    words->shared.add(app,
+                      "  nerfvdb mesh lego.vdb --out lego.ply\n"
+                      "  nerfvdb mesh lego.vdb --out lego.glb --fill-inside --smooth 10 --faces 200000\n"
+                      "  nerfvdb mesh shell.vdb --compare data/shell/truth.ply");
     return {&app, [words] { runMesh(*words); }};
 }
 

@@ -63,6 +63,8 @@ void addRework(CLI::App& app, ReworkWords& words) {
 }
 
 void checkRework(const ReworkWords& words) {
+    if (words.simplify && *words.simplify <= 0)
+        throw UsageError("--simplify", std::to_string(*words.simplify), "a share of the triangles above 0");
     if (words.faces && *words.faces < kFewestFaces)
         throw NumericError("--faces", std::to_string(*words.faces), "at least " + std::to_string(kFewestFaces),
                            "no closed surface has fewer triangles");

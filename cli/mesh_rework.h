@@ -21,7 +21,7 @@ struct ReworkWords {
 
 void addRework(CLI::App& app, ReworkWords& words);
 
-/// Throws NumericError for a number of faces that no mesh can have.
+/// Throws NumericError for a number of faces that no mesh can have, UsageError for a share of none.
 void checkRework(const ReworkWords& words);
 
 /// Islands, smoothing, simplification, in this order; colours are not looked at. Returns what went as islands.

@@ -97,8 +97,18 @@ test_usage() {
     says err "cathedral"
     expect 2 synth sphere --out data --seed -1
     says err "--seed"
-    expect 2 mesh model.vdb --out mesh.stl
-    says err "mesh.stl"
+    expect 2 mesh model.vdb --out mesh.fbx
+    says err "mesh.fbx"
+    expect 2 mesh model.vdb
+    says err "--out"
+    expect 2 mesh model.vdb --out mesh.ply --up y
+    says err "--up"
+    expect 2 mesh model.vdb --out mesh.ply --simplify 0
+    says err "--simplify"
+    expect 2 mesh model.vdb --out mesh.ply --faces 100 --simplify 0.5
+    expect 1 mesh model.vdb --out mesh.ply --faces 0
+    says err "--faces: found 0"
+    [[ ! -e mesh.ply ]] || fail "a refused mesh was begun"
     [[ ! -e data ]] || fail "a refused command made a folder"
 }
 
@@ -245,6 +255,17 @@ JSON
     expect 0 mesh model.vdb --out mesh.ply --json -
     has_keys out vertices faces iso closed
     expect 0 mesh model.vdb --out mesh.obj --no-colours --keep-largest 1 --fill-inside
+    expect 0 mesh model.vdb --out mesh.glb --up y --smooth 3 --faces 500 --json -
+    has_keys out faces dropped_pieces dropped_faces largest_piece_faces closed
+    says out '"closed": true'
+    expect 0 mesh model.vdb --out mesh.stl --keep-islands --simplify 0.5
+    expect 0 mesh model.vdb --compare mesh.ply --json -
+    has_keys out comparison world voxels accuracy completeness chamfer f_score normal_consistency
+    expect 0 mesh model.vdb --compare mesh.ply
+    says out "F-score at one voxel: 1.0000"
+    expect 1 mesh model.vdb --compare absent.ply
+    says err "absent.ply"
+    [[ -s mesh.glb && -s mesh.stl ]] || fail "a mesh is missing"
     [[ -s volume.vdb && -s mesh.ply && -s mesh.obj ]] || fail "an export is missing"
     expect 1 info volume.vdb
     says err "volume.vdb"
