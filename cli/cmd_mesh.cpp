@@ -18,6 +18,7 @@ struct MeshWords {
     IslandOptions islands;
     bool no_colours = false, fill_inside = false;
     std::vector<double> bounds;
+    int resolution = 0;
     SharedOptions shared;
 };
 
@@ -28,6 +29,7 @@ void runMesh(const MeshWords& words) {
     MeshOptions options;
     options.colours = !words.no_colours;
     options.fill_inside = words.fill_inside;
+    options.resolution = words.resolution;
     if (!words.bounds.empty()) options.bounds = parseBounds("--bounds", words.bounds);
     if (words.iso != "auto") {
         double iso = 0;
@@ -89,6 +91,10 @@ Command addMesh(CLI::App& program) {
         ->expected(6)
         ->delimiter(',')
         ->type_name("X0,Y0,Z0,X1,Y1,Z1");
+    app.add_option("--resolution", words->resolution,
+                   "Voxels along the longest side of the scene's box: larger or smaller triangles [the model's]")
+        ->check(CLI::Range(1, kMostResolution))
+        ->type_name("N");
     app.add_flag("--fill-inside", words->fill_inside,
                  "Make bodies solid: no surfaces of cavities that nothing leads into from outside");
     app.add_flag("--no-colours", words->no_colours, "Leave out the vertex colours");

@@ -18,7 +18,12 @@ struct MeshOptions {
     bool fill_inside = false;
     /// Only what is inside of this box, world units: the surface closes at the voxel planes nearest to its faces.
     std::optional<Box> bounds = {};
+    /// Voxels along the longest side of the field's box (of the box, not of `bounds`: tiles share one lattice), at most
+    /// kMostResolution: the surface is extracted from the field resampled to them (resample_field.h). 0: its own.
+    int resolution = 0;
 };
+
+inline constexpr int kMostResolution = 8192;
 
 /// The extinction that stops half of the light over one voxel: ln 2 / voxel_size, in 1 / world unit. Fog may
 /// nowhere be so dense: the surface is where it has half of its largest density, if that is less.

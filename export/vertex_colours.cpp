@@ -45,15 +45,17 @@ std::uint8_t byteFromUnit(float value) {
 
 }  // namespace
 
-void colourVertices(const Model& model, Mesh& mesh) {
+void colourVertices(const Model& model, Mesh& mesh) { colourVertices(model.decoder, model.field, mesh); }
+
+void colourVertices(const Decoder& decoder, const VoxelField& field, Mesh& mesh) {
     constexpr std::size_t kBatch = 256;  // a network's activations for so many samples stay in the L2 cache
-    const std::size_t channels = model.field.channels();
+    const std::size_t channels = field.channels();
     mesh.colours.resize(mesh.positions.size());
     parallelRanges(mesh.positions.size(), kBatch, [&](std::size_t begin, std::size_t end) {
         std::vector<float> features((end - begin) * channels), rgb((end - begin) * 3);
         for (std::size_t v = begin; v < end; ++v)
-            readFeatures(model.field, mesh.positions[v].cast<double>(), &features[(v - begin) * channels]);
-        model.decoder.diffuse(static_cast<int>(end - begin), features.data(), rgb.data());
+            readFeatures(field, mesh.positions[v].cast<double>(), &features[(v - begin) * channels]);
+        decoder.diffuse(static_cast<int>(end - begin), features.data(), rgb.data());
         for (std::size_t v = begin; v < end; ++v)
             for (int c = 0; c < 3; ++c) mesh.colours[v][c] = byteFromUnit(rgb[(v - begin) * 3 + c]);
     });

@@ -12,4 +12,7 @@ namespace nerfvdb {
 /// A vertex that touches no active voxel gets what zero features decode to. Threads: parallel over vertices.
 void colourVertices(const Model& model, Mesh& mesh);
 
+/// The same from another field's features, such as that of a resampled model.
+void colourVertices(const Decoder& decoder, const VoxelField& field, Mesh& mesh);
+
 }  // namespace nerfvdb
