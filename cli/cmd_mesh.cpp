@@ -19,6 +19,8 @@ struct MeshWords {
     bool no_colours = false, fill_inside = false;
     std::vector<double> bounds;
     int resolution = 0;
+    std::string method = "marching-cubes";
+    double adaptivity = 0;
     SharedOptions shared;
 };
 
@@ -30,6 +32,8 @@ void runMesh(const MeshWords& words) {
     options.colours = !words.no_colours;
     options.fill_inside = words.fill_inside;
     options.resolution = words.resolution;
+    options.method = words.method == "dual" ? SurfaceMethod::dual : SurfaceMethod::marching_cubes;
+    options.adaptivity = words.adaptivity;
     if (!words.bounds.empty()) options.bounds = parseBounds("--bounds", words.bounds);
     if (words.iso != "auto") {
         double iso = 0;
@@ -95,6 +99,14 @@ Command addMesh(CLI::App& program) {
                    "Voxels along the longest side of the scene's box: larger or smaller triangles [the model's]")
         ->check(CLI::Range(1, kMostResolution))
         ->type_name("N");
+    app.add_option("--method", words->method,
+                   "marching-cubes, or dual: OpenVDB's volumeToMesh as a second opinion, not always manifold "
+                   "[marching-cubes]")
+        ->check(CLI::IsMember({"marching-cubes", "dual"}))
+        ->type_name("NAME");
+    app.add_option("--adaptivity", words->adaptivity, "Larger faces of the dual method where it is flat, 0 to 1 [0]")
+        ->check(CLI::Range(0.0, 1.0))
+        ->type_name("X");
     app.add_flag("--fill-inside", words->fill_inside,
                  "Make bodies solid: no surfaces of cavities that nothing leads into from outside");
     app.add_flag("--no-colours", words->no_colours, "Leave out the vertex colours");

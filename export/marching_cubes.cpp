@@ -12,6 +12,7 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "export/dual_mesh.h"
 #include "export/fill_inside.h"
 #include "export/resample_field.h"
 #include "export/surface_blocks.h"
@@ -117,6 +118,24 @@ private:
     std::array<std::uint32_t, 3 * 729> numbers_;  // [axis][x][y][z], 9 a side; only crossed edges are filled
 };
 
+Mesh marchCubes(const Surface& surface, Report& report) {
+    const BlockList blocks(surface);
+    Mesh mesh;
+    mesh.positions.resize(blocks.vertexCount());
+    mesh.normals.resize(blocks.vertexCount());
+    mesh.triangles.resize(blocks.triangleCount());
+    std::atomic<bool> is_cancelled = false;
+    parallelRanges(blocks.size(), kBlocksPerTask, [&](std::size_t begin, std::size_t end) {
+        if (is_cancelled || report.cancelled()) {
+            is_cancelled = true;
+            return;
+        }
+        for (std::size_t b = begin; b < end; ++b) BlockWriter(surface, blocks, blocks[b], mesh).write();
+    });
+    if (is_cancelled) throw Interrupted("mesh: stopped on request; nothing was written");
+    return mesh;
+}
+
 /// Infinite and absurd densities are left to cutField.
 double largestSigma(const VoxelField& field) {
     float largest = kEmptyRaw;
@@ -202,6 +221,8 @@ Mesh extractSurface(const Model& model, const MeshOptions& options, Report& repo
     const VoxelField& field = model.field;
     if (field.topology().voxelCount() == 0)
         throw NumericError("mesh", "an empty field", "at least one active voxel", "train the model first");
+    if (!(options.adaptivity >= 0 && options.adaptivity <= 1))
+        throw UsageError("mesh: adaptivity", text(options.adaptivity), "a number from 0 to 1");
     const double iso = options.iso ? *options.iso : automaticIso(field);
     const float iso_raw = rawFromSigma(iso, field.densityScale());
     if (options.iso)
@@ -231,23 +252,11 @@ Mesh extractSurface(const Model& model, const MeshOptions& options, Report& repo
                     " voxels inside of closed surfaces are filled");
     if (options.bounds) closeAt(*options.bounds, surface, report);
 
-    const BlockList blocks(surface);
-    if (blocks.triangleCount() == 0)
+    Mesh mesh = options.method == SurfaceMethod::dual ? dualSurface(surface, options.adaptivity)
+                                                      : marchCubes(surface, report);
+    if (mesh.triangles.empty())
         throw NumericError("mesh: bounds", "nothing inside of them at density " + text(iso),
                            "a part of the scene", "look at its box with 'nerfvdb info'");
-    Mesh mesh;
-    mesh.positions.resize(blocks.vertexCount());
-    mesh.normals.resize(blocks.vertexCount());
-    mesh.triangles.resize(blocks.triangleCount());
-    std::atomic<bool> is_cancelled = false;
-    parallelRanges(blocks.size(), kBlocksPerTask, [&](std::size_t begin, std::size_t end) {
-        if (is_cancelled || report.cancelled()) {
-            is_cancelled = true;
-            return;
-        }
-        for (std::size_t b = begin; b < end; ++b) BlockWriter(surface, blocks, blocks[b], mesh).write();
-    });
-    if (is_cancelled) throw Interrupted("mesh: stopped on request; nothing was written");
     // A coarse surface may leave the voxels that the model has features for.
     const bool is_coarser = resampled && resampled->channels() > 0;
     if (options.colours) colourVertices(model.decoder, is_coarser ? *resampled : field, mesh);
