@@ -19,6 +19,9 @@ struct MeshWords {
     std::string model, out, compare, iso = "auto", up;
     bool no_colours = false, fill_inside = false;
     std::vector<double> bounds;
+    int resolution = 0;
+    std::string method = "marching-cubes";
+    double adaptivity = 0;
     ReworkWords rework;
     SharedOptions shared;
 };
@@ -43,6 +46,9 @@ void runMesh(const MeshWords& words) {
     MeshOptions options;
     options.colours = false;  // asked for once the vertices are where they will be
     options.fill_inside = words.fill_inside;
+    options.resolution = words.resolution;
+    options.method = words.method == "dual" ? SurfaceMethod::dual : SurfaceMethod::marching_cubes;
+    options.adaptivity = words.adaptivity;
     if (!words.bounds.empty()) options.bounds = parseBounds("--bounds", words.bounds);
     if (words.iso != "auto") {
         double iso = 0;
@@ -57,7 +63,7 @@ void runMesh(const MeshWords& words) {
     Mesh mesh = extractSurface(model, options, report);
     const IslandCounts islands = reworkMesh(mesh, words.rework, report);
     if (!words.out.empty()) {
-        if (!words.no_colours && meshFormat(words.out) != MeshFormat::stl) colourVertices(model, mesh);
+        if (!words.no_colours && meshFormat(words.out) != MeshFormat::stl) colourVertices(model, mesh, report);
         writeMesh(words.out, mesh, words.up == "y" ? UpAxis::y : UpAxis::z);
     }
     report.end();
@@ -116,6 +122,18 @@ Command addMesh(CLI::App& program) {
         ->expected(6)
         ->delimiter(',')
         ->type_name("X0,Y0,Z0,X1,Y1,Z1");
+    app.add_option("--resolution", words->resolution,
+                   "Voxels along the longest side of the scene's box: larger or smaller triangles [the model's]")
+        ->check(CLI::Range(1, kMostResolution))
+        ->type_name("N");
+    app.add_option("--method", words->method,
+                   "marching-cubes, or dual: OpenVDB's volumeToMesh as a second opinion, not always manifold "
+                   "[marching-cubes]")
+        ->check(CLI::IsMember({"marching-cubes", "dual"}))
+        ->type_name("NAME");
+    app.add_option("--adaptivity", words->adaptivity, "Larger faces of the dual method where it is flat, 0 to 1 [0]")
+        ->check(CLI::Range(0.0, 1.0))
+        ->type_name("X");
     app.add_flag("--fill-inside", words->fill_inside,
                  "Make bodies solid: no surfaces of cavities that nothing leads into from outside");
     app.add_flag("--no-colours", words->no_colours, "Leave out the vertex colours");

@@ -40,13 +40,14 @@ bool readFeatures(const VoxelField& field, const Vec3d& point_in_world, float* f
 
 }  // namespace
 
-std::vector<bool> diffuseColors(const Model& model, std::span<const Vec3d> points, std::span<float> rgb) {
-    const auto channels = static_cast<std::size_t>(model.field.channels());
+std::vector<bool> diffuseColors(const Decoder& decoder, const VoxelField& field, std::span<const Vec3d> points,
+                                std::span<float> rgb) {
+    const auto channels = static_cast<std::size_t>(field.channels());
     std::vector<float> features(points.size() * channels);
     std::vector<bool> known(points.size());
     for (std::size_t i = 0; i < points.size(); ++i)
-        known[i] = readFeatures(model.field, points[i], &features[i * channels]);
-    model.decoder.diffuse(static_cast<int>(points.size()), features.data(), rgb.data());
+        known[i] = readFeatures(field, points[i], &features[i * channels]);
+    decoder.diffuse(static_cast<int>(points.size()), features.data(), rgb.data());
     return known;
 }
 

@@ -12,7 +12,9 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "export/dual_mesh.h"
 #include "export/fill_inside.h"
+#include "export/resample_field.h"
 #include "export/surface_blocks.h"
 #include "export/surface_crossing.h"
 #include "export/vertex_colours.h"
@@ -116,6 +118,24 @@ private:
     std::array<std::uint32_t, 3 * 729> numbers_;  // [axis][x][y][z], 9 a side; only crossed edges are filled
 };
 
+Mesh marchCubes(const Surface& surface, Report& report) {
+    const BlockList blocks(surface);
+    Mesh mesh;
+    mesh.positions.resize(blocks.vertexCount());
+    mesh.normals.resize(blocks.vertexCount());
+    mesh.triangles.resize(blocks.triangleCount());
+    std::atomic<bool> is_cancelled = false;
+    parallelRanges(blocks.size(), kBlocksPerTask, [&](std::size_t begin, std::size_t end) {
+        if (is_cancelled || report.cancelled()) {
+            is_cancelled = true;
+            return;
+        }
+        for (std::size_t b = begin; b < end; ++b) BlockWriter(surface, blocks, blocks[b], mesh).write();
+    });
+    if (is_cancelled) throw Interrupted("mesh: stopped on request; nothing was written");
+    return mesh;
+}
+
 /// Infinite and absurd densities are left to cutField.
 double largestSigma(const VoxelField& field) {
     float largest = kEmptyRaw;
@@ -177,6 +197,20 @@ void closeAt(const Box& box, Surface& surface, Report& report) {
     clipSurface(surface, bounds);
 }
 
+/// The field of a surface at the resolution that is asked for, unless that is its own.
+std::optional<VoxelField> resampledField(Surface& surface, const MeshOptions& options) {
+    if (options.resolution == 0) return std::nullopt;
+    if (options.resolution < 1 || options.resolution > kMostResolution)
+        throw UsageError("mesh: resolution", std::to_string(options.resolution),
+                         "from 1 to " + std::to_string(kMostResolution) + " voxels along the longest side");
+    const VoxelField& field = surface.field;
+    const double voxel_size = field.worldBox().size().maxCoeff() / options.resolution;
+    if (voxel_size == field.frame().voxel_size) return std::nullopt;
+    if (voxel_size < field.frame().voxel_size) return finerField(surface, voxel_size);
+    if (options.fill_inside) fillInside(surface);  // before walls become too thin to hold
+    return coarserField(surface, voxel_size, options.colours);
+}
+
 }  // namespace
 
 double automaticIso(const VoxelField& field) {
@@ -187,18 +221,20 @@ Mesh extractSurface(const Model& model, const MeshOptions& options, Report& repo
     const VoxelField& field = model.field;
     if (field.topology().voxelCount() == 0)
         throw NumericError("mesh", "an empty field", "at least one active voxel", "train the model first");
+    if (!(options.adaptivity >= 0 && options.adaptivity <= 1))
+        throw UsageError("mesh: adaptivity", text(options.adaptivity), "a number from 0 to 1");
     const double iso = options.iso ? *options.iso : automaticIso(field);
     const float iso_raw = rawFromSigma(iso, field.densityScale());
     if (options.iso)
         checkIso(iso, iso_raw, field.densityScale());
     else if (!(iso_raw > kEmptyRaw))
         throw NumericError("mesh", "only empty voxels", "density somewhere", "train the model first");
-    Surface surface = cutField(field, iso_raw);
+    Surface cut = cutField(field, iso_raw);
     // The activation clamps: sigma never exceeds its value at kMaxRaw.
-    if (iso_raw > std::min(surface.largest_raw, kMaxRaw))
+    if (iso_raw > std::min(cut.largest_raw, kMaxRaw))
         throw NumericError(
             "mesh: iso", text(iso) + " per world unit",
-            "at most the field's maximum, " + text(sigmaFromRaw(surface.largest_raw, field.densityScale())),
+            "at most the field's maximum, " + text(sigmaFromRaw(cut.largest_raw, field.densityScale())),
             "choose a lower iso");
     const char* reason = options.iso ? ""
                          : iso < halfLightIso(field)
@@ -206,29 +242,24 @@ Mesh extractSurface(const Model& model, const MeshOptions& options, Report& repo
                              : " (half of the light stopped over one voxel)";
     report.info("mesh: surface at density " + text(iso) + " per world unit" + reason);
     warnIfCoarse(field, report);
+    const std::optional<VoxelField> resampled = resampledField(cut, options);
+    Surface surface = resampled ? cutField(*resampled, iso_raw) : std::move(cut);
+    if (resampled && surface.largest_raw < iso_raw)
+        throw NumericError("mesh: resolution", std::to_string(options.resolution), "voxels that are no larger than what they shall show",
+                           "choose a higher resolution or a lower iso");
     if (options.fill_inside)
         report.info("mesh: " + std::to_string(fillInside(surface)) +
                     " voxels inside of closed surfaces are filled");
     if (options.bounds) closeAt(*options.bounds, surface, report);
 
-    const BlockList blocks(surface);
-    if (blocks.triangleCount() == 0)
+    Mesh mesh = options.method == SurfaceMethod::dual ? dualSurface(surface, options.adaptivity)
+                                                      : marchCubes(surface, report);
+    if (mesh.triangles.empty())
         throw NumericError("mesh: bounds", "nothing inside of them at density " + text(iso),
                            "a part of the scene", "look at its box with 'nerfvdb info'");
-    Mesh mesh;
-    mesh.positions.resize(blocks.vertexCount());
-    mesh.normals.resize(blocks.vertexCount());
-    mesh.triangles.resize(blocks.triangleCount());
-    std::atomic<bool> is_cancelled = false;
-    parallelRanges(blocks.size(), kBlocksPerTask, [&](std::size_t begin, std::size_t end) {
-        if (is_cancelled || report.cancelled()) {
-            is_cancelled = true;
-            return;
-        }
-        for (std::size_t b = begin; b < end; ++b) BlockWriter(surface, blocks, blocks[b], mesh).write();
-    });
-    if (is_cancelled) throw Interrupted("mesh: stopped on request; nothing was written");
-    if (options.colours) colourVertices(model, mesh);
+    // A coarse surface may leave the voxels that the model has features for.
+    const bool is_coarser = resampled && resampled->channels() > 0;
+    if (options.colours) colourVertices(model.decoder, is_coarser ? *resampled : field, mesh);
     return mesh;
 }
 

@@ -10,6 +10,8 @@
 
 namespace nerfvdb {
 
+enum class SurfaceMethod { marching_cubes, dual };
+
 struct MeshOptions {
     /// Extinction at the surface, 1 / world unit, positive. Absent: automaticIso.
     std::optional<double> iso;
@@ -18,7 +20,14 @@ struct MeshOptions {
     bool fill_inside = false;
     /// Only what is inside of this box, world units: the surface closes at the voxel planes nearest to its faces.
     std::optional<Box> bounds = {};
+    /// Voxels along the longest side of the field's box (of the box, not of `bounds`: tiles share one lattice), at most
+    /// kMostResolution: the surface is extracted from the field resampled to them (resample_field.h). 0: its own.
+    int resolution = 0;
+    SurfaceMethod method = SurfaceMethod::marching_cubes;  // what follows holds for this one; the other: dual_mesh.h
+    double adaptivity = 0;                                 // of the dual method, in [0, 1]
 };
+
+inline constexpr int kMostResolution = 8192;
 
 /// The extinction that stops half of the light over one voxel: ln 2 / voxel_size, in 1 / world unit. Fog may
 /// nowhere be so dense: the surface is where it has half of its largest density, if that is less.

@@ -74,7 +74,7 @@ void decodeColors(const Model& model, Volume& volume) {
             offsets.push_back(offset);
         });
         std::vector<float> rgb(points.size() * 3);
-        const std::vector<bool> known = diffuseColors(model, points, rgb);
+        const std::vector<bool> known = diffuseColors(model.decoder, model.field, points, rgb);
         for (std::size_t i = 0; i < points.size(); ++i) {
             if (!known[i]) continue;
             setBit(colored[leaf], offsets[i]);

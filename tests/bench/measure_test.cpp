@@ -5,6 +5,7 @@
 #include <set>
 
 #include "bench/kernel_rates.h"
+#include "bench/mesh_rates.h"
 #include "bench/quality.h"
 #include "bench/render_sweep.h"
 #include "bench/result_plot.h"
@@ -149,6 +150,25 @@ TEST_CASE(
     CHECK(series.count("scalar reference") == 1);
     CHECK(rowOf(result, "scalar reference", "densityForward").cells[0].size() == 1);
     CHECK(simd::activeTarget() == best);
+}
+
+TEST_CASE("bench mesh: each way has the same surface, and memory and rates are there") {
+    Report silent;
+    TempDir folder;
+    const BenchResult result = benchMesh({.repeats = 1, .resolution = 64, .scratch = folder.path()}, silent);
+    checkWhole(result, meshPlot(result));
+    for (const char* scene : {"bumpy shell in 64^3", "gyroid in a ball in 64^3"}) {
+        const std::string series = std::string(scene) + ", 1 thread";
+        const double own = result.median(rowOf(result, series, "nerfvdb"), "triangles");
+        CHECK(own > 10000);
+        // Dual quads are as many as crossed edges, cut in two; marching cubes differs by its handles.
+        CHECK(result.median(rowOf(result, series, "OpenVDB volumeToMesh"), "triangles") == Approx(own).epsilon(0.02));
+        CHECK(result.median(rowOf(result, series, "nerfvdb"), "memory_over_output") < 10);
+        CHECK(result.median(rowOf(result, series, "nerfvdb"), "triangles_per_cpu_s") > 0);
+    }
+    CHECK(std::filesystem::is_empty(folder.path()));
+    for (const BenchRow& row : result.rows)
+        if (row.series.rfind("writing .vdb", 0) == 0) CHECK(result.median(row, "voxels_per_s") > 0);
 }
 
 TEST_CASE("bench quality: separate runs with repeats, looks at one run, nothing left behind") {
