@@ -231,7 +231,7 @@ TEST_CASE("vertices take the diffuse colour of the features between their voxels
     // Beyond the known region only voxels inside it count: the same colour as at its border.
     Mesh probe;
     probe.positions = {Vec3f(2, 5, 5), Vec3f(1.5f, 5, 5)};
-    colourVertices(model, probe);
+    colourVertices(model.decoder, model.field, probe);
     CHECK(probe.colours[0] == probe.colours[1]);
 }
 

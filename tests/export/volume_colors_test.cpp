@@ -3,6 +3,8 @@
 
 #include "core/image.h"
 #include "core/parallel.h"
+#include "export/marching_cubes.h"
+#include "export/vertex_colours.h"
 #include "export/volume_of_model.h"
 #include "tests/support/catch.h"
 #include "tests/support/seen_model.h"
@@ -105,4 +107,34 @@ TEST_CASE("decoded colours are the model's mean over directions") {
         });
     CHECK(n > 1000);
     CHECK(wrong == 0);
+}
+
+TEST_CASE("vertices take the colours that the training views saw, else those of the features") {
+    Model model = test::seenModel();
+    model.cameras.resize(1);
+    MeshOptions options;
+    options.colours = false;
+    const Mesh mesh = extractSurface(model, options, silent);
+    REQUIRE(mesh.positions.size() > 1000);
+    Mesh seen = mesh, decoded = mesh;
+    colourVertices(model, seen, silent);
+    colourVertices(model.decoder, model.field, decoded);
+    const Vec3d eye = model.cameras[0].camera.position, centre = model.field.worldBox().center();
+    std::size_t n_front = 0, differ_in_front = 0, n_back = 0, differ_behind = 0;
+    for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
+        const Vec3d from_centre = mesh.positions[v].cast<double>() - centre;
+        const double side = from_centre.normalized().dot((eye - centre).normalized());
+        const bool is_other = seen.colours[v] != decoded.colours[v];
+        if (side > 0.9 && from_centre.norm() > 0.95) ++n_front, differ_in_front += is_other;
+        if (side < -0.9 && from_centre.norm() > 0.95) ++n_back, differ_behind += is_other;
+    }
+    CHECK(n_front > 20);
+    CHECK(differ_in_front > n_front / 2);
+    CHECK(n_back > 20);
+    CHECK(differ_behind < n_back / 2);  // the shell lets a little light through
+
+    Mesh without = mesh;
+    model.cameras.clear();
+    colourVertices(model, without, silent);
+    CHECK(without.colours == decoded.colours);
 }
