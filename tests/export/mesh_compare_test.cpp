@@ -92,6 +92,18 @@ TEST_CASE("points are even by area, whatever the triangles are", "[export]") {
     CHECK(c.accuracy.mean == Approx(0.25).margin(2e-4));
 }
 
+TEST_CASE("points are even inside of a triangle", "[export]") {
+    Mesh triangle, wall = plane(0, 1, 1);
+    triangle.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    triangle.triangles = {{0, 1, 2}};
+    for (Vec3f& p : wall.positions) p = Vec3f(0, p.y(), p.x() - 0.5f);  // the plane x = 0: the distance is x
+    const MeshComparison c = compareMeshes(triangle, wall, {.threshold = 0.5, .samples = 100000});
+    CHECK(c.accuracy.mean == Approx(1.0 / 3).epsilon(0.01));
+    CHECK(c.accuracy.within == Approx(0.75).epsilon(0.01));
+    CHECK(c.accuracy.percentile_95 == Approx(1 - std::sqrt(0.05)).epsilon(0.01));
+    CHECK(c.normalConsistency() == Approx(0).margin(1e-9));
+}
+
 TEST_CASE("comparing is the same on any number of threads", "[export]") {
     const Mesh a = torus(60, 20, 1, 0.3f), b = torus(50, 24, 1.01f, 0.3f);
     const auto compare = [&](int threads) {

@@ -65,7 +65,8 @@ TEST_CASE("pieces and tunnels survive while there is room for them", "[export]")
     const MeshMeasures before = measureMesh(mesh);
     REQUIRE(before.pieces == 13);
     REQUIRE(before.euler == 0);
-    simplifyMesh(mesh, mesh.triangles.size() / 5);
+    // The rings are thinner than what the large one loses: by error alone they would go first.
+    simplifyMesh(mesh, mesh.triangles.size() / 12);
     const MeshMeasures m = measureMesh(mesh);
     CHECK(m.closed());
     CHECK(isVertexManifold(mesh));
