@@ -249,7 +249,7 @@ JSON
     expect 0 render model.vdb --path path.json --out path
     [[ -s path/0000.png ]] || fail "no picture of the path"
 
-    expect 0 export model.vdb --out volume.vdb --json -
+    expect 0 export model.vdb --out volume.vdb --fit 100 --json -
     has_keys out active_voxels file_bytes
     expect 2 export model.vdb --out model.vdb
     expect 0 mesh model.vdb --out mesh.ply --json -
@@ -372,7 +372,7 @@ test_openvdb_tools() {
     fi
     tiny_scene --no-truth
     tiny_model
-    expect 0 export model.vdb --out volume.vdb
+    expect 0 export model.vdb --out volume.vdb --fit 100 --finer 1
     expect 0 export model.vdb --out grey.vdb --color none
     for file in model.vdb volume.vdb grey.vdb; do
         if command -v vdb_print >/dev/null; then
@@ -414,9 +414,9 @@ test_blender() {
     expect 0 mesh model.vdb --out mesh.ply
     expect 0 mesh model.vdb --out mesh.obj
 
-    expect 0 export model.vdb --out volume.vdb
+    expect 0 export model.vdb --out volume.vdb --fit 100 --finer 1
     in_blender volume.vdb color:VECTOR_FLOAT,density:FLOAT 24 mesh.ply mesh.obj
-    expect 0 export model.vdb --out tipped.vdb --scale 10 --up y --center
+    expect 0 export model.vdb --out tipped.vdb --scale 10 --up y --center --fit 100 --finer 1
     in_blender tipped.vdb color:VECTOR_FLOAT,density:FLOAT 24
 }
 
