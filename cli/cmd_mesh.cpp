@@ -21,8 +21,24 @@ struct MeshWords {
     int resolution = 0;
     std::string method = "marching-cubes";
     double adaptivity = 0;
+    bool stream = false;
     SharedOptions shared;
 };
+
+/// The mesh is never in memory, so nothing about its pieces is known.
+void streamMesh(const MeshWords& words, const Model& model, const MeshOptions& options, TerminalReport& report) {
+    if (words.islands.keep_largest || words.islands.min_faces)
+        throw UsageError("--stream", "--keep-largest or --min-faces", "neither: pieces are not known part by part");
+    streamPly(words.out, model, options, report);
+    report.end();
+    const auto bytes = std::filesystem::file_size(words.out);
+    words.shared.finish({{"command", "mesh"},
+                         {"out", words.out},
+                         {"iso", options.iso.value_or(automaticIso(model.field))},
+                         {"file_bytes", bytes},
+                         {"peak_memory_bytes", peakMemoryBytes()}},
+                        formatted("%s: %s\n", words.out.c_str(), sizeText(static_cast<double>(bytes)).c_str()));
+}
 
 void runMesh(const MeshWords& words) {
     const auto limit = words.shared.begin();
@@ -44,6 +60,7 @@ void runMesh(const MeshWords& words) {
 
     TerminalReport report;
     const Model model = loadModel(words.model);
+    if (words.stream) return streamMesh(words, model, options, report);
     const double iso = options.iso.value_or(automaticIso(model.field));
     Mesh mesh = extractSurface(model, options, report);
     report.end();
@@ -107,6 +124,8 @@ Command addMesh(CLI::App& program) {
     app.add_option("--adaptivity", words->adaptivity, "Larger faces of the dual method where it is flat, 0 to 1 [0]")
         ->check(CLI::Range(0.0, 1.0))
         ->type_name("X");
+    app.add_flag("--stream", words->stream,
+                 "Write a .ply part by part: for meshes larger than memory; pieces are then neither known nor dropped");
     app.add_flag("--fill-inside", words->fill_inside,
                  "Make bodies solid: no surfaces of cavities that nothing leads into from outside");
     app.add_flag("--no-colours", words->no_colours, "Leave out the vertex colours");

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <optional>
+#include <span>
 
 #include "core/report.h"
 #include "export/mesh.h"
@@ -54,5 +55,18 @@ double automaticIso(const VoxelField& field);
 /// Errors: UsageError (iso not positive or below that of an empty voxel), NumericError (no voxel, or only empty
 ///        ones; iso above the field's maximum; non-finite density; too many vertices), Interrupted.
 Mesh extractSurface(const Model& model, const MeshOptions& options, Report& report);
+
+/// Takes a mesh part by part: all vertices in order, then all triangles in order.
+class MeshSink {
+public:
+    virtual ~MeshSink() = default;
+    virtual void begin(std::size_t vertices, std::size_t triangles) = 0;
+    virtual void addVertices(const Mesh& part) = 0;  // the next ones; no triangles
+    virtual void addTriangles(std::span<const Triangle> part) = 0;
+};
+
+/// The mesh of extractSurface, for surfaces larger than memory: beyond the field some 400 bytes a leaf and 30 MB for
+/// the part in hand. Throws as extractSurface does, for the dual method UsageError, and what the sink throws.
+void streamSurface(const Model& model, const MeshOptions& options, MeshSink& sink, Report& report);
 
 }  // namespace nerfvdb

@@ -4,6 +4,7 @@
 
 #include <filesystem>
 
+#include "export/marching_cubes.h"
 #include "export/mesh.h"
 
 namespace nerfvdb {
@@ -21,6 +22,10 @@ namespace nerfvdb {
 /// Throws UsageError for another extension (see checkMeshPath), IoError when it cannot be written to the end (a
 /// full disk), DataError when normals or colours do not match the vertices or a triangle names no vertex.
 void writeMesh(const std::filesystem::path& path, const Mesh& mesh);
+
+/// Extracts a surface right into a .ply: the file that writeMesh makes of extractSurface's mesh, but part by part, so
+/// that the mesh never is in memory. Throws as streamSurface and writeMesh do, UsageError for another extension.
+void streamPly(const std::filesystem::path& path, const Model& model, const MeshOptions& options, Report& report);
 
 /// Throws the UsageError of writeMesh: call it before long work.
 void checkMeshPath(const std::filesystem::path& path);

@@ -242,6 +242,14 @@ JSON
     expect 0 mesh model.vdb --out mesh.ply --json -
     has_keys out vertices faces iso closed
     expect 0 mesh model.vdb --out mesh.obj --no-colours --keep-largest 1 --fill-inside
+    expect 0 mesh model.vdb --out streamed.ply --stream
+    cmp mesh.ply streamed.ply || fail "a stream is another mesh"
+    expect 0 mesh model.vdb --out coarse.ply --resolution 90 --bounds=-1,-1,-1,1,1,0.2 --method dual --adaptivity 0.1
+    expect 2 mesh model.vdb --out mesh.ply --bounds 0,0,0,0,1,1
+    says err "--bounds"
+    expect 2 mesh model.vdb --out nothing.ply --bounds 100,100,100,101,101,101
+    expect 2 mesh model.vdb --out mesh.ply --stream --min-faces 9
+    says err "--stream"
     [[ -s volume.vdb && -s mesh.ply && -s mesh.obj ]] || fail "an export is missing"
     expect 1 info volume.vdb
     says err "volume.vdb"
