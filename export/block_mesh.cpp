@@ -79,12 +79,14 @@ void writeBlockVertices(const Surface& surface, const Block& block, Vec3f* posit
     const BlockCrossings crossings(surface, block.leaf);
     const Vec3d first = (block.leaf * kLeafDim).cast<double>();
     const auto write = [&](const SurfacePoint& point) {
-        *positions++ = surface.field.frame().worldFromIndex(first + point.position.cast<double>()).cast<float>();
+        *positions++ =
+            surface.field.frame().worldFromIndex(first + point.position.cast<double>()).cast<float>();
         *normals++ = point.normal;
     };
     for (int x = 0; x < kLeafDim; ++x)
         for (int axis = 0; axis < 3; ++axis)
-            forEachBit(block.crossed[axis][x], [&](int bit) { write(crossings.at(x, bit >> 3, bit & 7, axis)); });
+            forEachBit(block.crossed[axis][x],
+                       [&](int bit) { write(crossings.at(x, bit >> 3, bit & 7, axis)); });
     if (block.n_centres == 0) return;
     forEachCrossedCell(BlockCorners(surface, block.leaf), surface.iso,
                        [&](int x, int y, int z, const CubeTriangles& cube) {
@@ -92,7 +94,8 @@ void writeBlockVertices(const Surface& surface, const Block& block, Vec3f* posit
                        });
 }
 
-void writeBlockTriangles(const Surface& surface, const BlockList& blocks, const Block& block, Triangle* triangles) {
+void writeBlockTriangles(const Surface& surface, const BlockList& blocks, const Block& block,
+                         Triangle* triangles) {
     const EdgeNumbers numbers(blocks, block);
     std::uint32_t centre = block.first_vertex + block.n_edges;
     forEachCrossedCell(BlockCorners(surface, block.leaf), surface.iso,

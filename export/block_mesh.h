@@ -11,6 +11,7 @@ namespace nerfvdb {
 void writeBlockVertices(const Surface& surface, const Block& block, Vec3f* positions, Vec3f* normals);
 
 /// Writes the block's Block::n_triangles triangles; they name vertices of the block and of the blocks above it.
-void writeBlockTriangles(const Surface& surface, const BlockList& blocks, const Block& block, Triangle* triangles);
+void writeBlockTriangles(const Surface& surface, const BlockList& blocks, const Block& block,
+                         Triangle* triangles);
 
 }  // namespace nerfvdb

@@ -27,7 +27,8 @@ constexpr std::size_t kBlocksPerPart = 8192;  // of a stream: some 30 MB
 
 /// Calls body(block) for the blocks [begin, end), on all threads.
 template <typename Body>
-void forEachBlock(const BlockList& blocks, std::size_t begin, std::size_t end, Report& report, const Body& body) {
+void forEachBlock(const BlockList& blocks, std::size_t begin, std::size_t end, Report& report,
+                  const Body& body) {
     std::atomic<bool> is_cancelled = false;
     parallelRanges(end - begin, kBlocksPerTask, [&](std::size_t from, std::size_t to) {
         if (is_cancelled || report.cancelled()) {
@@ -115,8 +116,8 @@ void closeAt(const Box& box, Surface& surface, Report& report) {
     if ((bounds.max.array() <= bounds.min.array()).any())
         throw UsageError("mesh: bounds", text(box.min) + " to " + text(box.max),
                          "a box inside of the field that holds two planes of voxels along each axis");
-    report.info("mesh: closed at the voxel planes " + text(frame.worldFromIndex(bounds.min.cast<double>())) + " and " +
-                text(frame.worldFromIndex(bounds.max.cast<double>())));
+    report.info("mesh: closed at the voxel planes " + text(frame.worldFromIndex(bounds.min.cast<double>())) +
+                " and " + text(frame.worldFromIndex(bounds.max.cast<double>())));
     clipSurface(surface, bounds);
 }
 
@@ -172,9 +173,11 @@ void cutModel(const Model& model, const MeshOptions& options, Report& report, Cu
     report.info("mesh: surface at density " + text(iso) + " per world unit" + reason);
     warnIfCoarse(field, report);
     made.resampled = resampledField(cut, options);
-    Surface& surface = made.surface.emplace(made.resampled ? cutField(*made.resampled, iso_raw) : std::move(cut));
+    Surface& surface =
+        made.surface.emplace(made.resampled ? cutField(*made.resampled, iso_raw) : std::move(cut));
     if (made.resampled && surface.largest_raw < iso_raw)
-        throw NumericError("mesh: resolution", std::to_string(options.resolution), "voxels no larger than what they shall show",
+        throw NumericError("mesh: resolution", std::to_string(options.resolution),
+                           "voxels no larger than what they shall show",
                            "choose a higher resolution or a lower iso");
     if (options.fill_inside)
         report.info("mesh: " + std::to_string(fillInside(surface)) +
