@@ -5,6 +5,8 @@
 #include <vtkPolyData.h>
 #include <vtkSmartPointer.h>
 
+#include <algorithm>
+
 #include "bench/mesh_peers.h"
 
 namespace nerfvdb {
@@ -19,7 +21,8 @@ std::optional<MeshPeer> flyingEdgesPeer(const VoxelField& field, float iso) {
     std::fill_n(values, dims.cast<std::size_t>().prod(), kEmptyRaw);
     for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf)
         forEachBit(topology.voxels()[leaf], [&](int offset) {
-            const Vec3i ijk = topology.leafCoords()[leaf] * kLeafDim + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
+            const Vec3i ijk =
+                topology.leafCoords()[leaf] * kLeafDim + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
             values[(static_cast<std::size_t>(ijk.z()) * dims.y() + ijk.y()) * dims.x() + ijk.x()] =
                 field.density()[leaf * kLeafVoxels + offset];
         });

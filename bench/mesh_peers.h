@@ -23,15 +23,16 @@ struct MeshPeer {
     std::function<PeerMesh()> extract;
 };
 
-/// OpenVDB's volumeToMesh (dual contouring, Ju et al. 2002), adaptivity 0, without normals, which it does not make;
-/// a quad counts as two triangles. Raw densities in a FloatGrid, kEmptyRaw outside.
+/// OpenVDB's volumeToMesh (dual contouring, Ju et al. 2002), adaptivity 0, without normals, which it does not
+/// make; a quad counts as two triangles. Raw densities in a FloatGrid, kEmptyRaw outside.
 MeshPeer volumeToMeshPeer(const VoxelField& field, float iso);
 
-/// VTK's vtkFlyingEdges3D (Schroeder et al. 2015) with normals, on all values of the box made dense; it runs on as
-/// many threads as VTK's build uses. Empty where VTK was not found when this program was built.
+/// VTK's vtkFlyingEdges3D (Schroeder et al. 2015) with normals, on all values of the box made dense; it runs on
+/// as many threads as VTK's build uses. Empty where VTK was not found when this program was built.
 std::optional<MeshPeer> flyingEdgesPeer(const VoxelField& field, float iso);
 
-/// The grids of a .vdb, read once; the function writes them to `to` as OpenVDB itself does (Blosc, active mask).
+/// The grids of a .vdb, read once; the function writes them to `to` as OpenVDB itself does (Blosc, active
+/// mask).
 std::function<void()> plainWriter(const std::filesystem::path& from, const std::filesystem::path& to);
 
 }  // namespace nerfvdb

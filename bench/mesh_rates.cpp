@@ -31,8 +31,10 @@ MeshPeer ownExtraction(const Model& model) {
             }};
 }
 
-void benchExtraction(const SurfaceScene& scene, const MeshRateOptions& options, Report& report, BenchResult& result) {
-    std::vector<MeshPeer> ways = {ownExtraction(scene.model), volumeToMeshPeer(scene.model.field, kSceneIsoRaw)};
+void benchExtraction(const SurfaceScene& scene, const MeshRateOptions& options, Report& report,
+                     BenchResult& result) {
+    std::vector<MeshPeer> ways = {ownExtraction(scene.model),
+                                  volumeToMeshPeer(scene.model.field, kSceneIsoRaw)};
     if (auto flying_edges = flyingEdgesPeer(scene.model.field, kSceneIsoRaw)) ways.push_back(*flying_edges);
     std::vector<int> counts = {1};
     if (threadCount() > 1) counts.push_back(threadCount());
@@ -41,7 +43,8 @@ void benchExtraction(const SurfaceScene& scene, const MeshRateOptions& options, 
     std::vector<BenchRow> rows;
     for (const int threads : counts)
         for (const MeshPeer& way : ways) {
-            BenchRow row{scene.name + ", " + threadsText(threads), way.name, std::vector<std::vector<double>>(7)};
+            BenchRow row{scene.name + ", " + threadsText(threads), way.name,
+                         std::vector<std::vector<double>>(7)};
             const ThreadLimit limit(threads);
             const PeakMemory memory;
             const PeerMesh made = way.extract();
@@ -57,7 +60,8 @@ void benchExtraction(const SurfaceScene& scene, const MeshRateOptions& options, 
         timeInTurn(bodies, {.repeats = options.repeats, .warm_up = false}, "surfaces", report);
     for (std::size_t r = 0; r < rows.size(); ++r) {
         rows[r].cells[0] = timings[r].wall_s, rows[r].cells[1] = timings[r].cpu_s;
-        for (const double seconds : timings[r].wall_s) rows[r].cells[3].push_back(rows[r].cells[2][0] / seconds);
+        for (const double seconds : timings[r].wall_s)
+            rows[r].cells[3].push_back(rows[r].cells[2][0] / seconds);
         for (const double seconds : timings[r].cpu_s) rows[r].cells[4].push_back(rows[r].cells[2][0] / seconds);
         result.rows.push_back(std::move(rows[r]));
     }
@@ -117,8 +121,9 @@ BenchResult benchMesh(const MeshRateOptions& options, Report& report) {
     for (const auto& sceneOf : {&bumpyShell, &gyroidBall})
         benchExtraction(sceneOf(options.resolution, 0), options, report, result);
     if (!options.scratch.empty()) benchWriting(options, report, result);
-    result.notes.push_back("memory: the peak during one extraction beyond what was in use before, over the bytes of "
-                           "the mesh; normals are part of nerfvdb's and VTK's time and bytes, OpenVDB makes none");
+    result.notes.push_back(
+        "memory: the peak during one extraction beyond what was in use before, over the bytes of "
+        "the mesh; normals are part of nerfvdb's and VTK's time and bytes, OpenVDB makes none");
     return result;
 }
 

@@ -17,18 +17,17 @@ MeshPeer volumeToMeshPeer(const VoxelField& field, float iso) {
     for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf) {
         const Vec3i origin = topology.leafCoords()[leaf] * kLeafDim;
         auto* node = grid->tree().touchLeaf({origin.x(), origin.y(), origin.z()});
-        forEachBit(topology.voxels()[leaf], [&](int offset) {
-            node->setValueOn(offset, field.density()[leaf * kLeafVoxels + offset]);
-        });
+        forEachBit(topology.voxels()[leaf],
+                   [&](int offset) { node->setValueOn(offset, field.density()[leaf * kLeafVoxels + offset]); });
     }
     return {"OpenVDB volumeToMesh", [grid, iso] {
                 std::vector<openvdb::Vec3s> points;
                 std::vector<openvdb::Vec3I> triangles;
                 std::vector<openvdb::Vec4I> quads;
                 openvdb::tools::volumeToMesh(*grid, points, triangles, quads, iso, 0.0);
-                return PeerMesh{triangles.size() + 2 * quads.size(), points.size() * sizeof(points[0]) +
-                                                                          triangles.size() * sizeof(triangles[0]) +
-                                                                          quads.size() * sizeof(quads[0])};
+                return PeerMesh{triangles.size() + 2 * quads.size(),
+                                points.size() * sizeof(points[0]) + triangles.size() * sizeof(triangles[0]) +
+                                    quads.size() * sizeof(quads[0])};
             }};
 }
 

@@ -26,6 +26,8 @@ PeakMemory::PeakMemory() {
     before_ = statusBytes("VmRSS:");
 }
 
-std::int64_t PeakMemory::extraBytes() const { return std::max<std::int64_t>(0, statusBytes("VmHWM:") - before_); }
+std::int64_t PeakMemory::extraBytes() const {
+    return std::max<std::int64_t>(0, statusBytes("VmHWM:") - before_);
+}
 
 }  // namespace nerfvdb

@@ -6,12 +6,13 @@
 
 namespace nerfvdb {
 
-/// Sets the kernel's mark of the largest resident memory back to what is resident now; freed memory is given back
-/// first, or it would hide what is taken anew.
+/// Sets the kernel's mark of the largest resident memory back to what is resident now; freed memory is given
+/// back first, or it would hide what is taken anew.
 class PeakMemory {
 public:
     PeakMemory();
-    /// Bytes that were resident at most since then, beyond those at the beginning; 0 where the kernel does not say.
+    /// Bytes that were resident at most since then, beyond those at the beginning; 0 where the kernel does not
+    /// say.
     std::int64_t extraBytes() const;
 
 private:

@@ -10,15 +10,15 @@ namespace nerfvdb {
 namespace {
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr double kSharpness = 4;   // raw density a voxel
-constexpr double kReach = 0.87;    // half the diagonal of a cell: what a surface in it is from its middle at most
+constexpr double kSharpness = 4;  // raw density a voxel
+constexpr double kReach = 0.87;  // half the diagonal of a cell: what a surface in it is from its middle at most
 
 Vec3i coordOf(const Vec3i& leaf, int offset) {
     return leaf * kLeafDim + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
 }
 
-/// A sheet of all points less than half_thickness from where `distance` (voxels, smooth) is zero. Active are the
-/// corners of cells that the sheet or its surfaces run through.
+/// A sheet of all points less than half_thickness from where `distance` (voxels, smooth) is zero. Active are
+/// the corners of cells that the sheet or its surfaces run through.
 template <typename Distance>
 Model sheetOf(int resolution, int channels, double half_thickness, const Distance& distance) {
     const int leaves = resolution / kLeafDim;
@@ -35,7 +35,8 @@ Model sheetOf(int resolution, int channels, double half_thickness, const Distanc
             for (int offset = 0; offset < kLeafVoxels; ++offset) {
                 const Vec3i cell = coordOf(leafAt(i), offset);
                 if (cell.maxCoeff() >= resolution - 1) continue;
-                if (std::abs(distance(cell.template cast<double>() + Vec3d::Constant(0.5))) < half_thickness + kReach)
+                if (std::abs(distance(cell.template cast<double>() + Vec3d::Constant(0.5))) <
+                    half_thickness + kReach)
                     setBit(masks[i], offset);
             }
         }

@@ -21,9 +21,10 @@ inline constexpr float kSceneIsoRaw = 0;
 /// active voxels.
 SurfaceScene bumpyShell(int resolution, int channels = 0);
 
-/// The sheet of a gyroid of constant period, 1.2 voxels thick, in a ball: surface everywhere, and many thin walls.
-/// At 512 some 4 % of the box's voxels are active. Source: Schoen 1970, "Infinite periodic minimal surfaces without
-/// self-intersections"; the distance is that of its trigonometric approximation, to first order.
+/// The sheet of a gyroid of constant period, 1.2 voxels thick, in a ball: surface everywhere, and many thin
+/// walls. At 512 some 4 % of the box's voxels are active. Source: Schoen 1970, "Infinite periodic minimal
+/// surfaces without self-intersections"; the distance is that of its trigonometric approximation, to first
+/// order.
 SurfaceScene gyroidBall(int resolution, int channels = 0);
 
 }  // namespace nerfvdb

@@ -22,6 +22,7 @@ struct MeshWords {
     int resolution = 0;
     std::string method = "marching-cubes";
     double adaptivity = 0;
+    bool stream = false;
     ReworkWords rework;
     SharedOptions shared;
 };
@@ -32,11 +33,30 @@ void checkWords(const MeshWords& words) {
     if (words.out.empty()) {
         if (words.compare.empty()) throw UsageError("mesh", "no --out", "a file to write, or --compare");
         if (!words.up.empty()) throw UsageError("--up", "no --out", "a .glb file to write");
+        if (words.stream) throw UsageError("--stream", "no --out", "a .ply file to write");
         return;
     }
     if (meshFormat(words.out) != MeshFormat::glb && !words.up.empty())
         throw UsageError("--up", "a file that is not .glb", "no --up", "other formats do not say which axis is up");
+    if (words.stream && (asksForWork(words.rework) || !words.compare.empty()))
+        throw UsageError("--stream", "an option that needs the whole mesh",
+                         "no --compare, and nothing on islands, smoothing and simplification",
+                         "a stream keeps every piece");
     prepareOutputFile("--out", words.out);
+}
+
+/// The mesh is never in memory, so nothing about its pieces is known, and none is dropped.
+void streamMesh(const MeshWords& words, const Model& model, MeshOptions options, TerminalReport& report) {
+    options.colours = !words.no_colours;
+    streamPly(words.out, model, options, report);
+    report.end();
+    const auto bytes = std::filesystem::file_size(words.out);
+    words.shared.finish({{"command", "mesh"},
+                         {"out", words.out},
+                         {"iso", options.iso.value_or(automaticIso(model.field))},
+                         {"file_bytes", bytes},
+                         {"peak_memory_bytes", peakMemoryBytes()}},
+                        formatted("%s: %s\n", words.out.c_str(), sizeText(static_cast<double>(bytes)).c_str()));
 }
 
 void runMesh(const MeshWords& words) {
@@ -59,6 +79,7 @@ void runMesh(const MeshWords& words) {
 
     TerminalReport report;
     const Model model = loadModel(words.model);
+    if (words.stream) return streamMesh(words, model, options, report);
     const double iso = options.iso.value_or(automaticIso(model.field));
     Mesh mesh = extractSurface(model, options, report);
     const IslandCounts islands = reworkMesh(mesh, words.rework, report);
@@ -134,6 +155,8 @@ Command addMesh(CLI::App& program) {
     app.add_option("--adaptivity", words->adaptivity, "Larger faces of the dual method where it is flat, 0 to 1 [0]")
         ->check(CLI::Range(0.0, 1.0))
         ->type_name("X");
+    app.add_flag("--stream", words->stream,
+                 "Write a .ply part by part: for meshes larger than memory; pieces are then neither known nor dropped");
     app.add_flag("--fill-inside", words->fill_inside,
                  "Make bodies solid: no surfaces of cavities that nothing leads into from outside");
     app.add_flag("--no-colours", words->no_colours, "Leave out the vertex colours");

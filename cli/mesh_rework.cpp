@@ -70,6 +70,10 @@ void checkRework(const ReworkWords& words) {
                            "no closed surface has fewer triangles");
 }
 
+bool asksForWork(const ReworkWords& words) {
+    return words.min_share || words.keep_largest || words.min_faces || words.smooth || words.simplify || words.faces;
+}
+
 IslandCounts reworkMesh(Mesh& mesh, const ReworkWords& words, Report& report) {
     const IslandCounts islands = removeIslands(mesh, islandRules(words));
     if (words.smooth > 0) smoothMesh(mesh, words.smooth);

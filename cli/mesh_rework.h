@@ -24,6 +24,9 @@ void addRework(CLI::App& app, ReworkWords& words);
 /// Throws NumericError for a number of faces that no mesh can have, UsageError for a share of none.
 void checkRework(const ReworkWords& words);
 
+/// Whether any word says what is to be done; dropping crumbs goes without.
+bool asksForWork(const ReworkWords& words);
+
 /// Islands, smoothing, simplification, in this order; colours are not looked at. Returns what went as islands.
 IslandCounts reworkMesh(Mesh& mesh, const ReworkWords& words, Report& report);
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Marching cubes on leaf blocks. One pass over the leaves says which voxels are inside (surface_cells.h); a
 // survey of each block counts its vertices and triangles, and prefix sums give every block its place in the
-// mesh (surface_blocks.h); a last pass, here, fills the places.
+// mesh (surface_blocks.h); a last pass fills the places (block_mesh.h), all at once or part by part.
 #include "export/marching_cubes.h"
 
 #include <algorithm>
@@ -12,6 +12,7 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "export/block_mesh.h"
 #include "export/dual_mesh.h"
 #include "export/fill_inside.h"
 #include "export/resample_field.h"
@@ -22,101 +23,22 @@
 namespace nerfvdb {
 namespace {
 
-/// Writes one block's vertices and triangles to their places.
-class BlockWriter {
-public:
-    BlockWriter(const Surface& surface, const BlockList& blocks, const Block& block, Mesh& mesh)
-        : surface_(surface), blocks_(blocks), block_(block), crossings_(surface, block.leaf), mesh_(mesh) {
-        for (int edge = 0; edge < kCubeEdges; ++edge) {
-            const CubeEdge& e = cubeTable().edges[edge];
-            edge_places_[edge] = e.axis * 729 + e.x * 81 + e.y * 9 + e.z;
+constexpr std::size_t kBlocksPerPart = 8192;  // of a stream: some 30 MB
+
+/// Calls body(block) for the blocks [begin, end), on all threads.
+template <typename Body>
+void forEachBlock(const BlockList& blocks, std::size_t begin, std::size_t end, Report& report,
+                  const Body& body) {
+    std::atomic<bool> is_cancelled = false;
+    parallelRanges(end - begin, kBlocksPerTask, [&](std::size_t from, std::size_t to) {
+        if (is_cancelled || report.cancelled()) {
+            is_cancelled = true;
+            return;
         }
-    }
-
-    void write() {
-        writeCrossings();
-        numberNeighbours();
-        std::uint32_t centre = block_.first_vertex + block_.n_edges;
-        std::uint32_t triangle = block_.first_triangle;
-        const auto writeCell = [&](int x, int y, int z, const CubeTriangles& cube) {
-            const std::uint32_t* const cell = &numbers_[x * 81 + y * 9 + z];
-            const auto number = [&](int edge) { return edge == kCubeCentre ? centre : cell[edge_places_[edge]]; };
-            for (int i = 0; i < cube.count; ++i) {
-                const auto& [a, b, c] = cube.triangles[i];
-                mesh_.triangles[triangle++] = Triangle(number(a), number(b), number(c));
-            }
-            if (cube.has_centre) writeCentre(centre++, x, y, z, cube);
-        };
-        forEachCrossedCell(BlockCorners(surface_, block_.leaf), surface_.iso, writeCell);
-    }
-
-private:
-    void writeVertex(std::uint32_t number, const SurfacePoint& point) {
-        const Vec3d index = (block_.leaf * kLeafDim).cast<double>() + point.position.cast<double>();
-        mesh_.positions[number] = surface_.field.frame().worldFromIndex(index).cast<float>();
-        mesh_.normals[number] = point.normal;
-    }
-
-    void writeCrossings() {
-        std::uint32_t number = block_.first_vertex;
-        for (int x = 0; x < kLeafDim; ++x)
-            for (int axis = 0; axis < 3; ++axis)
-                forEachBit(block_.crossed[axis][x], [&](int bit) {
-                    numbers_[axis * 729 + x * 81 + (bit >> 3) * 9 + (bit & 7)] = number;
-                    writeVertex(number++, crossings_.at(x, bit >> 3, bit & 7, axis));
-                });
-    }
-
-    /// The upper edges of the block's cells belong to its neighbours, and so do the vertices there.
-    void numberNeighbours() {
-        for (int corner = 1; corner < 8; ++corner) {
-            const Vec3i step = cornerStep(corner);
-            const Block* owner = blocks_.find(block_.leaf + step);
-            if (!owner) continue;
-            const std::uint64_t border =
-                (step.y() ? 0xffull : ~0ull) & (step.z() ? 0x0101010101010101ull : ~0ull);
-            for (int axis = 0; axis < 3; ++axis) {
-                if (step[axis]) continue;  // starts at the far side and leads away
-                std::uint32_t* place = &numbers_[axis * 729 + 8 * (step.x() * 81 + step.y() * 9 + step.z())];
-                for (int x = 0; x < (step.x() ? 1 : kLeafDim); ++x) {
-                    const std::uint64_t word = owner->crossed[axis][x];
-                    forEachBit(word & border, [&](int bit) {
-                        const int before = std::popcount(word & ((std::uint64_t{1} << bit) - 1));
-                        place[x * 81 + (bit >> 3) * 9 + (bit & 7)] =
-                            owner->first_vertex + owner->rank[x][axis] + before;
-                    });
-                }
-            }
-        }
-    }
-
-    /// A centre is the mean of the loop around it: inside the cell, because no face holds the whole loop.
-    void writeCentre(std::uint32_t number, int x, int y, int z, const CubeTriangles& cube) {
-        SurfacePoint mean{Vec3f::Zero(), Vec3f::Zero()};
-        int n = 0;
-        for (int i = 0; i < cube.count; ++i) {
-            if (cube.triangles[i][2] != kCubeCentre) continue;
-            const CubeEdge& e = cubeTable().edges[cube.triangles[i][0]];
-            const SurfacePoint point = crossings_.at(x + e.x, y + e.y, z + e.z, e.axis);
-            mean.position += point.position;
-            mean.normal += point.normal;
-            ++n;
-        }
-        mean.position /= static_cast<float>(n);
-        const float length = mean.normal.norm();
-        mean.normal =
-            length > 1e-3f ? Vec3f(mean.normal / length) : Vec3f::UnitZ();  // a saddle may have no side
-        writeVertex(number, mean);
-    }
-
-    const Surface& surface_;
-    const BlockList& blocks_;
-    const Block& block_;
-    BlockCrossings crossings_;
-    Mesh& mesh_;
-    std::array<int, kCubeEdges> edge_places_;      // in numbers_, from those of a cell's first corner
-    std::array<std::uint32_t, 3 * 729> numbers_;  // [axis][x][y][z], 9 a side; only crossed edges are filled
-};
+        for (std::size_t b = begin + from; b < begin + to; ++b) body(blocks[b]);
+    });
+    if (is_cancelled) throw Interrupted("mesh: stopped on request; nothing was written");
+}
 
 Mesh marchCubes(const Surface& surface, Report& report) {
     const BlockList blocks(surface);
@@ -124,15 +46,11 @@ Mesh marchCubes(const Surface& surface, Report& report) {
     mesh.positions.resize(blocks.vertexCount());
     mesh.normals.resize(blocks.vertexCount());
     mesh.triangles.resize(blocks.triangleCount());
-    std::atomic<bool> is_cancelled = false;
-    parallelRanges(blocks.size(), kBlocksPerTask, [&](std::size_t begin, std::size_t end) {
-        if (is_cancelled || report.cancelled()) {
-            is_cancelled = true;
-            return;
-        }
-        for (std::size_t b = begin; b < end; ++b) BlockWriter(surface, blocks, blocks[b], mesh).write();
+    forEachBlock(blocks, 0, blocks.size(), report, [&](const Block& block) {
+        writeBlockVertices(surface, block, mesh.positions.data() + block.first_vertex,
+                           mesh.normals.data() + block.first_vertex);
+        writeBlockTriangles(surface, blocks, block, mesh.triangles.data() + block.first_triangle);
     });
-    if (is_cancelled) throw Interrupted("mesh: stopped on request; nothing was written");
     return mesh;
 }
 
@@ -179,6 +97,12 @@ void warnIfCoarse(const VoxelField& field, Report& report) {
 
 std::string text(const Vec3d& p) { return text(p.x()) + ", " + text(p.y()) + ", " + text(p.z()); }
 
+[[noreturn]] void throwNothing(const MeshOptions& options) {
+    const Box box = options.bounds.value_or(Box{});
+    throw NumericError("mesh: bounds", "nothing inside of " + text(box.min) + " to " + text(box.max),
+                       "a part of the scene", "look at its box with 'nerfvdb info'");
+}
+
 /// Closes the surface at the voxel planes nearest to the box's faces.
 void closeAt(const Box& box, Surface& surface, Report& report) {
     const GridFrame& frame = surface.field.frame();
@@ -192,8 +116,8 @@ void closeAt(const Box& box, Surface& surface, Report& report) {
     if ((bounds.max.array() <= bounds.min.array()).any())
         throw UsageError("mesh: bounds", text(box.min) + " to " + text(box.max),
                          "a box inside of the field that holds two planes of voxels along each axis");
-    report.info("mesh: closed at the voxel planes " + text(frame.worldFromIndex(bounds.min.cast<double>())) + " and " +
-                text(frame.worldFromIndex(bounds.max.cast<double>())));
+    report.info("mesh: closed at the voxel planes " + text(frame.worldFromIndex(bounds.min.cast<double>())) +
+                " and " + text(frame.worldFromIndex(bounds.max.cast<double>())));
     clipSurface(surface, bounds);
 }
 
@@ -205,21 +129,27 @@ std::optional<VoxelField> resampledField(Surface& surface, const MeshOptions& op
                          "from 1 to " + std::to_string(kMostResolution) + " voxels along the longest side");
     const VoxelField& field = surface.field;
     const double voxel_size = field.worldBox().size().maxCoeff() / options.resolution;
-    if (voxel_size == field.frame().voxel_size) return std::nullopt;
+    if (std::abs(voxel_size / field.frame().voxel_size - 1) < 1e-9) return std::nullopt;
     if (voxel_size < field.frame().voxel_size) return finerField(surface, voxel_size);
     if (options.fill_inside) fillInside(surface);  // before walls become too thin to hold
     return coarserField(surface, voxel_size, options.colours);
 }
 
-}  // namespace
+/// What is to be meshed.
+struct Cut {
+    std::optional<VoxelField> resampled;
+    std::optional<Surface> surface;  // of `resampled` or of the model's field
 
-double automaticIso(const VoxelField& field) {
-    return std::min(halfLightIso(field), 0.5 * largestSigma(field));
-}
+    /// Where colours come from: a coarse surface may leave the voxels that the model has features for.
+    const VoxelField& featured(const Model& model) const {
+        return resampled && resampled->channels() > 0 ? *resampled : model.field;
+    }
+};
 
-Mesh extractSurface(const Model& model, const MeshOptions& options, Report& report) {
+/// Fills `made`, in place: the surface refers to the field beside it.
+void cutModel(const Model& model, const MeshOptions& options, Report& report, Cut& made) {
     const VoxelField& field = model.field;
-    if (field.topology().voxelCount() == 0)
+    if (field.topology().leafCount() == 0)
         throw NumericError("mesh", "an empty field", "at least one active voxel", "train the model first");
     if (!(options.adaptivity >= 0 && options.adaptivity <= 1))
         throw UsageError("mesh: adaptivity", text(options.adaptivity), "a number from 0 to 1");
@@ -242,25 +172,70 @@ Mesh extractSurface(const Model& model, const MeshOptions& options, Report& repo
                              : " (half of the light stopped over one voxel)";
     report.info("mesh: surface at density " + text(iso) + " per world unit" + reason);
     warnIfCoarse(field, report);
-    const std::optional<VoxelField> resampled = resampledField(cut, options);
-    Surface surface = resampled ? cutField(*resampled, iso_raw) : std::move(cut);
-    if (resampled && surface.largest_raw < iso_raw)
-        throw NumericError("mesh: resolution", std::to_string(options.resolution), "voxels that are no larger than what they shall show",
+    made.resampled = resampledField(cut, options);
+    Surface& surface =
+        made.surface.emplace(made.resampled ? cutField(*made.resampled, iso_raw) : std::move(cut));
+    if (made.resampled && surface.largest_raw < iso_raw)
+        throw NumericError("mesh: resolution", std::to_string(options.resolution),
+                           "voxels no larger than what they shall show",
                            "choose a higher resolution or a lower iso");
     if (options.fill_inside)
         report.info("mesh: " + std::to_string(fillInside(surface)) +
                     " voxels inside of closed surfaces are filled");
     if (options.bounds) closeAt(*options.bounds, surface, report);
+}
 
-    Mesh mesh = options.method == SurfaceMethod::dual ? dualSurface(surface, options.adaptivity)
-                                                      : marchCubes(surface, report);
-    if (mesh.triangles.empty())
-        throw NumericError("mesh: bounds", "nothing inside of them at density " + text(iso),
-                           "a part of the scene", "look at its box with 'nerfvdb info'");
-    // A coarse surface may leave the voxels that the model has features for.
-    const bool is_coarser = resampled && resampled->channels() > 0;
-    if (options.colours) colourVertices(model.decoder, is_coarser ? *resampled : field, mesh);
+}  // namespace
+
+double automaticIso(const VoxelField& field) {
+    return std::min(halfLightIso(field), 0.5 * largestSigma(field));
+}
+
+Mesh extractSurface(const Model& model, const MeshOptions& options, Report& report) {
+    Cut cut;
+    cutModel(model, options, report, cut);
+    Mesh mesh = options.method == SurfaceMethod::dual ? dualSurface(*cut.surface, options.adaptivity)
+                                                      : marchCubes(*cut.surface, report);
+    if (mesh.triangles.empty()) throwNothing(options);
+    if (options.colours) colourVertices(model.decoder, cut.featured(model), mesh);
     return mesh;
+}
+
+void streamSurface(const Model& model, const MeshOptions& options, MeshSink& sink, Report& report) {
+    if (options.method != SurfaceMethod::marching_cubes)
+        throw UsageError("mesh: stream", "the dual method", "marching cubes, which alone is made part by part");
+    Cut cut;
+    cutModel(model, options, report, cut);
+    const Surface& surface = *cut.surface;
+    const BlockList blocks(surface);
+    if (blocks.triangleCount() == 0) throwNothing(options);
+    sink.begin(blocks.vertexCount(), blocks.triangleCount());
+    const auto forEachPart = [&](const auto& body) {
+        for (std::size_t begin = 0; begin < blocks.size(); begin += kBlocksPerPart)
+            body(begin, std::min(begin + kBlocksPerPart, blocks.size()));
+    };
+    forEachPart([&](std::size_t begin, std::size_t end) {
+        const std::size_t first = blocks[begin].first_vertex;
+        const std::size_t last = end < blocks.size() ? blocks[end].first_vertex : blocks.vertexCount();
+        Mesh part;
+        part.positions.resize(last - first);
+        part.normals.resize(last - first);
+        forEachBlock(blocks, begin, end, report, [&](const Block& block) {
+            writeBlockVertices(surface, block, part.positions.data() + (block.first_vertex - first),
+                               part.normals.data() + (block.first_vertex - first));
+        });
+        if (options.colours) colourVertices(model.decoder, cut.featured(model), part);
+        sink.addVertices(part);
+    });
+    forEachPart([&](std::size_t begin, std::size_t end) {
+        const std::size_t first = blocks[begin].first_triangle;
+        const std::size_t last = end < blocks.size() ? blocks[end].first_triangle : blocks.triangleCount();
+        std::vector<Triangle> part(last - first);
+        forEachBlock(blocks, begin, end, report, [&](const Block& block) {
+            writeBlockTriangles(surface, blocks, block, part.data() + (block.first_triangle - first));
+        });
+        sink.addTriangles(part);
+    });
 }
 
 }  // namespace nerfvdb

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <fstream>
 #include <limits>
+#include <span>
 #include <sstream>
 #include <string>
 
@@ -90,29 +91,54 @@ void checkMesh(const Mesh& mesh) {
     checkTriangles(mesh);
 }
 
-void writePly(Output& out, const Mesh& mesh) {
+void writePlyHeader(Output& out, std::size_t vertices, std::size_t triangles, bool has_normals, bool has_colours) {
     out.text("ply\nformat binary_little_endian 1.0\ncomment nerfvdb\n");
-    out.text("element vertex " + std::to_string(mesh.positions.size()) + "\n");
+    out.text("element vertex " + std::to_string(vertices) + "\n");
     for (const char* name : {"x", "y", "z"}) out.text(std::string("property float ") + name + "\n");
-    if (!mesh.normals.empty())
+    if (has_normals)
         for (const char* name : {"nx", "ny", "nz"}) out.text(std::string("property float ") + name + "\n");
-    if (!mesh.colours.empty())
+    if (has_colours)
         for (const char* name : {"red", "green", "blue"})
             out.text(std::string("property uchar ") + name + "\n");
-    out.text("element face " + std::to_string(mesh.triangles.size()) + "\n");
+    out.text("element face " + std::to_string(triangles) + "\n");
     out.text("property list uchar int vertex_indices\nend_header\n");
+}
 
+void writePlyVertices(Output& out, const Mesh& mesh) {
     for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
         out.bytes(mesh.positions[v].data(), 3);
         if (!mesh.normals.empty()) out.bytes(mesh.normals[v].data(), 3);
         if (!mesh.colours.empty()) out.bytes(mesh.colours[v].data(), 3);
     }
+}
+
+void writePlyTriangles(Output& out, std::span<const Triangle> triangles) {
     constexpr std::uint8_t kCorners = 3;
-    for (const Triangle& t : mesh.triangles) {
+    for (const Triangle& t : triangles) {
         out.bytes(&kCorners, 1);
         out.bytes(t.data(), 3);
     }
 }
+
+void writePly(Output& out, const Mesh& mesh) {
+    writePlyHeader(out, mesh.positions.size(), mesh.triangles.size(), !mesh.normals.empty(), !mesh.colours.empty());
+    writePlyVertices(out, mesh);
+    writePlyTriangles(out, mesh.triangles);
+}
+
+class PlySink final : public MeshSink {
+public:
+    PlySink(Output& out, bool has_colours) : out_(out), has_colours_(has_colours) {}
+    void begin(std::size_t vertices, std::size_t triangles) override {
+        writePlyHeader(out_, vertices, triangles, true, has_colours_);
+    }
+    void addVertices(const Mesh& part) override { writePlyVertices(out_, part); }
+    void addTriangles(std::span<const Triangle> part) override { writePlyTriangles(out_, part); }
+
+private:
+    Output& out_;
+    bool has_colours_;
+};
 
 void writeObj(Output& out, const Mesh& mesh) {
     const auto line = [&](const char* word, const auto& vector) {
@@ -259,6 +285,17 @@ void writeMesh(const std::filesystem::path& path, const Mesh& mesh, UpAxis up) {
         if (format == MeshFormat::ply) writePly(out, mesh);
         if (format == MeshFormat::obj) writeObj(out, mesh);
         if (format == MeshFormat::stl) writeStl(out, mesh);
+        out.close();
+    });
+}
+
+void streamPly(const std::filesystem::path& path, const Model& model, const MeshOptions& options, Report& report) {
+    if (extensionOf(path) != ".ply")
+        throw UsageError(path.string(), "a format that is not made part by part", ".ply", "or mesh without a stream");
+    writeAtomically(path, [&](const std::filesystem::path& temporary) {
+        Output out(temporary, path);
+        PlySink sink(out, options.colours);
+        streamSurface(model, options, sink, report);
         out.close();
     });
 }

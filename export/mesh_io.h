@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "core/similarity.h"
+#include "export/marching_cubes.h"
 #include "export/mesh.h"
 
 namespace nerfvdb {
@@ -27,6 +28,10 @@ MeshFormat meshFormat(const std::filesystem::path& path);
 /// Throws UsageError as meshFormat, IoError when it cannot be written to the end (a full disk), DataError when normals
 /// or colours do not match the vertices or a triangle names no vertex, and what writeGlb throws.
 void writeMesh(const std::filesystem::path& path, const Mesh& mesh, UpAxis up = UpAxis::z);
+
+/// Extracts a surface right into a .ply: the file that writeMesh makes of extractSurface's mesh, but part by part, so
+/// that the mesh never is in memory. Throws as streamSurface and writeMesh do, UsageError for another extension.
+void streamPly(const std::filesystem::path& path, const Model& model, const MeshOptions& options, Report& report);
 
 /// Reads a binary little-endian PLY of triangles, such as writeMesh makes; vertex properties that Mesh does not
 /// know are skipped. Throws IoError, or DataError for another format, a truncated file, a face that is no

@@ -13,9 +13,9 @@ constexpr double kOutsideVoice = 1e-3;  // of a voxel outside in a mean of featu
 
 /// The new voxels and how they lie among the old ones; both indices count in voxels of their own lattice.
 struct Lattice {
-    double ratio;   // edge of a new voxel, in old ones
-    int margin;     // new voxels before the first old one: the surface reaches one old voxel beyond the field
-    Vec3i dims;     // in new voxels, multiples of 8
+    double ratio;  // edge of a new voxel, in old ones
+    int margin;    // new voxels before the first old one: the surface reaches one old voxel beyond the field
+    Vec3i dims;    // in new voxels, multiples of 8
     GridFrame frame;
 
     Lattice(const VoxelField& field, double voxel_size)
@@ -62,7 +62,8 @@ Topology topologyOf(const Lattice& lattice, const std::vector<Vec3i>& leaves, co
     return Topology(lattice.dims, cells);
 }
 
-// --- coarser -------------------------------------------------------------------------------------------------------
+// --- coarser
+// -------------------------------------------------------------------------------------------------------
 
 /// Share of a cell that is inside, from its corners' values above the surface's.
 float insideShare(const std::array<float, 8>& above) {
@@ -70,9 +71,11 @@ float insideShare(const std::array<float, 8>& above) {
     float sum = 0;
     for (int i = 0; i < kColumns; ++i)
         for (int j = 0; j < kColumns; ++j) {
-            const float u = (static_cast<float>(i) + 0.5f) / kColumns, v = (static_cast<float>(j) + 0.5f) / kColumns;
+            const float u = (static_cast<float>(i) + 0.5f) / kColumns,
+                        v = (static_cast<float>(j) + 0.5f) / kColumns;
             const auto across = [&](int z) {
-                return (1 - u) * ((1 - v) * above[z] + v * above[2 + z]) + u * ((1 - v) * above[4 + z] + v * above[6 + z]);
+                return (1 - u) * ((1 - v) * above[z] + v * above[2 + z]) +
+                       u * ((1 - v) * above[4 + z] + v * above[6 + z]);
             };
             const float low = across(0), high = across(1);
             if ((low >= 0) == (high >= 0))
@@ -161,8 +164,8 @@ struct Row {
     }
 };
 
-/// Calls visit(new offset, old offset, weight) for all pairs of an old leaf's or block's bits and a new leaf's voxels
-/// whose tents hold them.
+/// Calls visit(new offset, old offset, weight) for all pairs of an old leaf's or block's bits and a new leaf's
+/// voxels whose tents hold them.
 template <typename Bits, typename Visit>
 void forEachPair(const std::array<Row, 3>& rows, const Bits& isWanted, const Visit& visit) {
     for (int offset = 0; offset < kLeafVoxels; ++offset) {
@@ -239,7 +242,8 @@ void meanFeatures(const Surface& surface, const Lattice& lattice, std::size_t le
             if (weights[voxel] > 0) means[voxel * channels + c] /= weights[voxel];
 }
 
-// --- finer ---------------------------------------------------------------------------------------------------------
+// --- finer
+// ---------------------------------------------------------------------------------------------------------
 
 /// The old voxels around a new leaf's cells.
 class Neighbourhood {
@@ -256,8 +260,9 @@ public:
                     const int leaf = topology.findLeaf(voxel.unaryExpr([](int i) { return i >> 3; }));
                     const int offset = brickOffset(voxel.x() & 7, voxel.y() & 7, voxel.z() & 7);
                     const bool is_active = leaf >= 0 && testBit(topology.voxels()[leaf], offset);
-                    const float raw =
-                        is_active ? surface.field.density()[leaf * std::size_t{kLeafVoxels} + offset] : kEmptyRaw;
+                    const float raw = is_active
+                                          ? surface.field.density()[leaf * std::size_t{kLeafVoxels} + offset]
+                                          : kEmptyRaw;
                     raw_[place(step)] = raw;
                     is_inside_[place(step)] = raw >= surface.iso;
                 }
@@ -305,8 +310,9 @@ VoxelField coarserField(const Surface& surface, double voxel_size, bool with_fea
     const Lattice lattice(surface.field, voxel_size);
     const std::vector<Block> blocks = measureBlocks(surface);
     const auto find = [&](const Vec3i& place) -> const Block* {
-        const auto block = std::lower_bound(blocks.begin(), blocks.end(), place,
-                                            [](const Block& b, const Vec3i& p) { return isBefore(b.place, p); });
+        const auto block =
+            std::lower_bound(blocks.begin(), blocks.end(), place,
+                             [](const Block& b, const Vec3i& p) { return isBefore(b.place, p); });
         return block != blocks.end() && block->place == place ? &*block : nullptr;
     };
     std::vector<Vec3i> leaves;
@@ -316,7 +322,8 @@ VoxelField coarserField(const Surface& surface, double voxel_size, bool with_fea
     }
     sortUnique(leaves);
 
-    // Cells that hold the middle of an old one with something inside: their corners are the voxels that hear of it.
+    // Cells that hold the middle of an old one with something inside: their corners are the voxels that hear of
+    // it.
     const auto cellsOf = [&](const Vec3i& leaf) {
         LeafMask cells{};
         forEachOldLeaf(lattice, leaf, [&](const Vec3i& old) {
@@ -324,7 +331,8 @@ VoxelField coarserField(const Surface& surface, double voxel_size, bool with_fea
             if (!block) return;
             const std::array<Row, 3> rows = rowsOf(lattice, old, 0.5, leaf);
             for (int offset = 0; offset < kLeafVoxels; ++offset) {
-                const int x = rows[0].base[offset >> 6], y = rows[1].base[offset >> 3 & 7], z = rows[2].base[offset & 7];
+                const int x = rows[0].base[offset >> 6], y = rows[1].base[offset >> 3 & 7],
+                          z = rows[2].base[offset & 7];
                 if (block->share[offset] > 0 && !((x | y | z) & ~7)) setBit(cells, brickOffset(x, y, z));
             }
         });
@@ -340,9 +348,12 @@ VoxelField coarserField(const Surface& surface, double voxel_size, bool with_fea
             if (!block) return;
             forEachPair(
                 rowsOf(lattice, old, 0.5, place), [&](int offset) { return block->share[offset] > 0; },
-                [&](int to, int from, float weight) { sums[to] += static_cast<double>(weight) * block->share[from]; });
+                [&](int to, int from, float weight) {
+                    sums[to] += static_cast<double>(weight) * block->share[from];
+                });
         });
-        const auto x = tentSums(lattice, place.x()), y = tentSums(lattice, place.y()), z = tentSums(lattice, place.z());
+        const auto x = tentSums(lattice, place.x()), y = tentSums(lattice, place.y()),
+                   z = tentSums(lattice, place.z());
         forEachBit(result.topology().voxels()[leaf], [&](int offset) {
             const double share = sums[offset] / (x[offset >> 6] * y[offset >> 3 & 7] * z[offset & 7]);
             result.density()[leaf * kLeafVoxels + offset] =
@@ -381,7 +392,8 @@ VoxelField finerField(const Surface& surface, double voxel_size) {
         const Vec3i place = result.topology().leafCoords()[leaf];
         const Neighbourhood old(surface, lattice, place);
         forEachBit(result.topology().voxels()[leaf], [&](int offset) {
-            result.density()[leaf * kLeafVoxels + offset] = old.rawAt(oldIndex(lattice, voxelOf(place, offset)));
+            result.density()[leaf * kLeafVoxels + offset] =
+                old.rawAt(oldIndex(lattice, voxelOf(place, offset)));
         });
     });
     return result;

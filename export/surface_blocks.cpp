@@ -15,7 +15,8 @@ namespace {
 std::array<int, 3> key(const Vec3i& leaf) { return {leaf.x(), leaf.y(), leaf.z()}; }
 
 /// Adds the absent places below a leaf's place into which the surface around its voxels inside may reach.
-void addPlacesBelow(const Topology& topology, const Vec3i& leaf, const LeafMask& inside, std::vector<Vec3i>& absent) {
+void addPlacesBelow(const Topology& topology, const Vec3i& leaf, const LeafMask& inside,
+                    std::vector<Vec3i>& absent) {
     constexpr std::uint64_t kFirstY = 0xff, kFirstZ = 0x0101010101010101;
     for (int corner = 1; corner < 8; ++corner) {
         const Vec3i step = cornerStep(corner);
@@ -26,15 +27,16 @@ void addPlacesBelow(const Topology& topology, const Vec3i& leaf, const LeafMask&
     }
 }
 
-/// The enclosed places that the faces of the bounds run through or touch, and those below them: the surface that
-/// closes there is far from any leaf.
+/// The enclosed places that the faces of the bounds run through or touch, and those below them: the surface
+/// that closes there is far from any leaf.
 void addCutPlaces(const Surface& surface, std::vector<Vec3i>& absent) {
     const Vec3i leaves = surface.field.topology().dims() / kLeafDim;
     Vec3i leaf;
     for (leaf.x() = 0; leaf.x() < leaves.x(); ++leaf.x())
         for (leaf.y() = 0; leaf.y() < leaves.y(); ++leaf.y())
             for (leaf.z() = 0; leaf.z() < leaves.z(); ++leaf.z()) {
-                const Vec3i first = leaf * kLeafDim - Vec3i::Ones(), last = leaf * kLeafDim + Vec3i::Constant(kLeafDim);
+                const Vec3i first = leaf * kLeafDim - Vec3i::Ones(),
+                            last = leaf * kLeafDim + Vec3i::Constant(kLeafDim);
                 if (!surface.enclosed.contains(leaf)) continue;
                 if (surface.bounds.contains(first) && surface.bounds.contains(last)) continue;
                 absent.push_back(leaf);
@@ -81,7 +83,8 @@ void surveyBlock(const Surface& surface, Block& block) {
 
 }  // namespace
 
-BlockList::BlockList(const Surface& surface) : topology_(surface.field.topology()), blocks_(listBlocks(surface)) {
+BlockList::BlockList(const Surface& surface)
+    : topology_(surface.field.topology()), blocks_(listBlocks(surface)) {
     parallelRanges(blocks_.size(), kBlocksPerTask, [&](std::size_t begin, std::size_t end) {
         for (std::size_t b = begin; b < end; ++b) surveyBlock(surface, blocks_[b]);
     });

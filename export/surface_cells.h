@@ -140,9 +140,8 @@ void forEachCrossedCell(const BlockCorners& corners, float iso, const Visit& vis
                 for (int i = 0; i < 4; ++i) signs |= (row[i] >> z & 3) << (2 * i);
                 const CubePattern& pattern = table.patterns[signs];
                 const unsigned answers =
-                    pattern.ambiguous_faces
-                        ? joinedFaces(pattern.ambiguous_faces, corners, Vec3i(x, y, z), iso)
-                        : 0;
+                    pattern.ambiguous_faces ? joinedFaces(pattern.ambiguous_faces, corners, Vec3i(x, y, z), iso)
+                                            : 0;
                 visit(x, y, z, table.variants[pattern.first_variant + answers]);
             });
         }

@@ -6,8 +6,8 @@
 
 namespace nerfvdb {
 
-// Crossings keep this share of an edge away from its ends, so that no two vertices meet at a voxel: a thousandth of
-// a voxel, far below what it resolves and above the rounding of float positions.
+// Crossings keep this share of an edge away from its ends, so that no two vertices meet at a voxel: a
+// thousandth of a voxel, far below what it resolves and above the rounding of float positions.
 inline constexpr float kOffCorner = 0x1p-10f;
 
 struct SurfacePoint {
@@ -20,8 +20,9 @@ class BlockCrossings {
 public:
     BlockCrossings(const Surface& surface, const Vec3i& leaf);
 
-    /// On the edge from voxel (x, y, z) of the block along `axis`, which must cross the surface: where the raw density,
-    /// linear along it, is iso. An edge that leaves the surface's bounds crosses at them, kOffCorner beyond.
+    /// On the edge from voxel (x, y, z) of the block along `axis`, which must cross the surface: where the raw
+    /// density, linear along it, is iso. An edge that leaves the surface's bounds crosses at them, kOffCorner
+    /// beyond.
     SurfacePoint at(int x, int y, int z, int axis) const;
 
 private:

@@ -266,6 +266,15 @@ JSON
     expect 1 mesh model.vdb --compare absent.ply
     says err "absent.ply"
     [[ -s mesh.glb && -s mesh.stl ]] || fail "a mesh is missing"
+    expect 0 mesh model.vdb --out whole.ply --keep-islands --no-colours
+    expect 0 mesh model.vdb --out streamed.ply --stream --no-colours
+    cmp whole.ply streamed.ply || fail "a stream is another mesh"
+    expect 0 mesh model.vdb --out coarse.ply --resolution 90 --bounds=-1,-1,-1,1,1,0.2 --method dual --adaptivity 0.1
+    expect 2 mesh model.vdb --out mesh.ply --bounds 0,0,0,0,1,1
+    says err "--bounds"
+    expect 2 mesh model.vdb --out nothing.ply --bounds 100,100,100,101,101,101
+    expect 2 mesh model.vdb --out mesh.ply --stream --min-faces 9
+    says err "--stream"
     [[ -s volume.vdb && -s mesh.ply && -s mesh.obj ]] || fail "an export is missing"
     expect 1 info volume.vdb
     says err "volume.vdb"

@@ -62,7 +62,8 @@ TEST_CASE("the second opinion agrees: a ball's place, volume, normals", "[export
     CHECK(static_cast<double>(n_plain) == Approx(static_cast<double>(n_cubes)).epsilon(0.02));
 }
 
-TEST_CASE("the second opinion fills, keeps to bounds and resolutions, and does not depend on threads", "[export]") {
+TEST_CASE("the second opinion fills, keeps to bounds and resolutions, and does not depend on threads",
+          "[export]") {
     const Model model = ball(true);
     CHECK(measureMesh(extract(model, dual())).pieces == 2);
     MeshOptions options = dual();

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// Surfaces of densities that are known at every point: how far the mesh is from the truth, and the truth from the mesh.
+// Surfaces of densities that are known at every point: how far the mesh is from the truth, and the truth from
+// the mesh.
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <functional>
 #include <map>
-
-#include <Eigen/Geometry>
 
 #include "core/random.h"
 #include "tests/support/catch.h"
@@ -23,17 +23,17 @@ constexpr double kPi = 3.14159265358979323846;
 constexpr double kDensityScale = 30;  // 1 / world unit
 constexpr double kHalfBox = 1.0;
 
-/// raw = -8 distance / voxel_size, in a band of four voxels and inside: as steep in voxels at any resolution, so that
-/// only the shape's bending counts.
+/// raw = -8 distance / voxel_size, in a band of four voxels and inside: as steep in voxels at any resolution,
+/// so that only the shape's bending counts.
 Model sampled(const Distance& distance, double voxel_size) {
     const int n = static_cast<int>(std::ceil(2 * kHalfBox / voxel_size / kLeafDim)) * kLeafDim;
     const GridFrame frame{Vec3d::Constant(-kHalfBox), voxel_size};
     Model model;
-    model.field = VoxelField(makeTopology(Vec3i::Constant(n), Vec3i::Zero(), Vec3i::Constant(n - 1),
-                                          [&](const Vec3i& c) {
-                                              return distance(frame.worldFromIndex(c.cast<double>())) < 4 * voxel_size;
-                                          }),
-                             frame, 0, kDensityScale);
+    model.field = VoxelField(
+        makeTopology(
+            Vec3i::Constant(n), Vec3i::Zero(), Vec3i::Constant(n - 1),
+            [&](const Vec3i& c) { return distance(frame.worldFromIndex(c.cast<double>())) < 4 * voxel_size; }),
+        frame, 0, kDensityScale);
     setDensity(model.field, [&](const Vec3i& p) {
         return static_cast<float>(-8 * distance(frame.worldFromIndex(p.cast<double>())) / voxel_size);
     });
@@ -44,7 +44,9 @@ Mesh surfaceOf(const Model& model) { return extract(model, {.iso = kDensityScale
 
 double distanceToTriangle(const Vec3d& p, const Vec3d& a, const Vec3d& b, const Vec3d& c) {
     const Vec3d normal = (b - a).cross(c - a);
-    const auto isLeft = [&](const Vec3d& from, const Vec3d& to) { return (to - from).cross(p - from).dot(normal) >= 0; };
+    const auto isLeft = [&](const Vec3d& from, const Vec3d& to) {
+        return (to - from).cross(p - from).dot(normal) >= 0;
+    };
     if (isLeft(a, b) && isLeft(b, c) && isLeft(c, a)) return std::abs((p - a).dot(normal)) / normal.norm();
     const auto toSegment = [&](const Vec3d& from, const Vec3d& to) {
         const double t = std::clamp((p - from).dot(to - from) / (to - from).squaredNorm(), 0.0, 1.0);
@@ -81,7 +83,8 @@ private:
     Vec3d corner(std::size_t t, int k) const { return mesh_.positions[mesh_.triangles[t][k]].cast<double>(); }
     template <typename Visit>
     void forCells(const Vec3d& low, const Vec3d& high, const Visit& visit) const {
-        const Vec3i first = (low / cell_).array().floor().cast<int>(), last = (high / cell_).array().floor().cast<int>();
+        const Vec3i first = (low / cell_).array().floor().cast<int>(),
+                    last = (high / cell_).array().floor().cast<int>();
         for (int x = first.x(); x <= last.x(); ++x)
             for (int y = first.y(); y <= last.y(); ++y)
                 for (int z = first.z(); z <= last.z(); ++z) visit(Key{x, y, z});
@@ -123,11 +126,13 @@ Chamfer chamfer(const Mesh& mesh, const Torus& torus, double voxel_size) {
     }
     const NearTriangles near(mesh, 2 * voxel_size);
     for (int i = 0; i < kPoints; ++i) {
-        const std::size_t drawn = std::upper_bound(sum_of_areas.begin(), sum_of_areas.end(),
-                                                   unit(0, i) * sum_of_areas.back()) - sum_of_areas.begin();
+        const std::size_t drawn =
+            std::upper_bound(sum_of_areas.begin(), sum_of_areas.end(), unit(0, i) * sum_of_areas.back()) -
+            sum_of_areas.begin();
         const Triangle& t = mesh.triangles[std::min(drawn, mesh.triangles.size() - 1)];
         const double s = std::sqrt(unit(1, i)), w = unit(2, i);
-        const Vec3d p = (1 - s) * mesh.positions[t[0]].cast<double>() + s * (1 - w) * mesh.positions[t[1]].cast<double>() +
+        const Vec3d p = (1 - s) * mesh.positions[t[0]].cast<double>() +
+                        s * (1 - w) * mesh.positions[t[1]].cast<double>() +
                         s * w * mesh.positions[t[2]].cast<double>();
         result.from_mesh += std::abs(torus(p)) / kPoints;
         result.from_truth += near.distance(torus.at(2 * kPi * unit(3, i), 2 * kPi * unit(4, i))) / kPoints;
@@ -142,7 +147,8 @@ TEST_CASE("vertices of a known density lie within a twentieth of a voxel of its 
     const std::map<std::string, Distance> shapes = {
         {"ball", [](const Vec3d& p) { return (p - Vec3d(0.01, 0.02, -0.013)).norm() - 0.7; }},
         {"torus", Torus{0.6, 0.22}},
-        {"rod", [](const Vec3d& p) {  // at an angle, with round ends
+        {"rod",
+         [](const Vec3d& p) {  // at an angle, with round ends
              const Vec3d along = Vec3d(1, 0.7, 0.4).normalized();
              return (p - std::clamp(p.dot(along), -0.6, 0.6) * along).norm() - 0.15;
          }},
@@ -204,7 +210,8 @@ TEST_CASE("thin rings and plates keep their shape down to two voxels across", "[
         REQUIRE(complaint(mesh) == "");
         CHECK(measureMesh(mesh).euler == 0);
         CHECK(measureMesh(mesh).pieces == 1);
-        // Linear between voxels: 1 / (8 r) of a voxel off at most, and as much again of chords across the faces.
+        // Linear between voxels: 1 / (8 r) of a voxel off at most, and as much again of chords across the
+        // faces.
         double worst = 0;
         for (const Vec3f& v : mesh.positions) worst = std::max(worst, std::abs(ring(v.cast<double>())) / voxel);
         CHECK(worst < 1 / (8 * radius_in_voxels) + 0.01);
@@ -213,7 +220,8 @@ TEST_CASE("thin rings and plates keep their shape down to two voxels across", "[
         CHECK(error.from_truth < 0.25 / radius_in_voxels * voxel);
     }
     const Vec3d across = Vec3d(1, 2, 3).normalized();
-    for (const double half_in_voxels : {0.75, 1.0, 2.0}) {  // a plate at an angle, a voxel and a half thick and more
+    for (const double half_in_voxels :
+         {0.75, 1.0, 2.0}) {  // a plate at an angle, a voxel and a half thick and more
         const double half = half_in_voxels * voxel;
         const auto plate = [&](const Vec3d& p) {
             const double off = std::abs(p.dot(across)), radius = (p - p.dot(across) * across).norm();

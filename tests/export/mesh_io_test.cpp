@@ -9,6 +9,8 @@
 #include "core/atomic_file.h"
 #include "core/error.h"
 #include "tests/support/catch.h"
+#include "tests/support/grid_field.h"
+#include "tests/support/meshing.h"
 #include "tests/support/small_disk.h"
 #include "tests/support/temp_dir.h"
 
@@ -192,4 +194,40 @@ TEST_CASE("a damaged PLY file is an error", "[export]") {
     bytes[bytes.size() - 12] = 9;
     CHECK_THROWS_WITH(reads(bytes), Catch::Contains("vertex 9"));
     CHECK_THROWS_AS(readPly(folder / "absent.ply"), IoError);
+}
+
+TEST_CASE("a stream of parts is the file of the whole mesh", "[export]") {
+    // One voxel inside of each leaf: more blocks than one part holds, and few triangles in each.
+    constexpr int kDim = 21 * kLeafDim, kChannels = 4;
+    const auto isNear = [](const Vec3i& c) {
+        return (c.x() & 7) >= 6 && (c.y() & 7) >= 6 && (c.z() & 7) >= 6;
+    };
+    Model model;
+    Topology topology = test::makeTopology(Vec3i::Constant(kDim), Vec3i::Zero(), Vec3i::Constant(kDim - 1), isNear);
+    model.field = VoxelField(std::move(topology), {}, kChannels, 1.0);
+    model.decoder = Decoder(kChannels, 7);
+    test::forEachVoxel(model.field.topology(), [&](const Vec3i& p, std::size_t i) {
+        model.field.density()[i] = p.unaryExpr([](int c) { return c & 7; }) == Vec3i(7, 7, 7) ? 1.0f : -1.0f;
+        model.field.features()[i * kChannels] = 0.01f * static_cast<float>(p.x());
+    });
+    const TempDir folder;
+    Report silent;
+    MeshOptions options{.iso = 1.0};
+    for (const bool colours : {true, false}) {
+        options.colours = colours;
+        const Mesh mesh = extractSurface(model, options, silent);
+        CHECK(mesh.triangles.size() > 8 * 8192);
+        writeMesh(folder / "whole.ply", mesh);
+        streamPly(folder / "parts.ply", model, options, silent);
+        CHECK(readFile(folder / "parts.ply") == readFile(folder / "whole.ply"));
+    }
+    CHECK_THROWS_AS(streamPly(folder / "parts.obj", model, options, silent), UsageError);
+    MeshOptions dual = options;
+    dual.method = SurfaceMethod::dual;
+    CHECK_THROWS_AS(streamPly(folder / "dual.ply", model, dual, silent), UsageError);
+    MeshOptions nowhere = options;
+    nowhere.bounds = Box{Vec3d::Constant(1), Vec3d::Constant(3)};
+    CHECK_THROWS_AS(streamPly(folder / "nowhere.ply", model, nowhere, silent), NumericError);
+    CHECK(!std::filesystem::exists(folder / "dual.ply"));
+    CHECK(!std::filesystem::exists(folder / "nowhere.ply"));
 }

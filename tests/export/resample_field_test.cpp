@@ -16,13 +16,14 @@ namespace {
 
 const GridFrame kFrame{Vec3d(-3, 5, 1), 0.25};
 
-/// raw = sharpness * distance (old voxels, positive inside) in a band of voxels around the surface and all inside.
+/// raw = sharpness * distance (old voxels, positive inside) in a band of voxels around the surface and all
+/// inside.
 template <typename Distance>
 Model solid(int dim, double sharpness, const Distance& distance) {
-    Model model =
-        modelOf(makeTopology(Vec3i::Constant(dim), Vec3i::Zero(), Vec3i::Constant(dim - 1),
-                             [&](const Vec3i& c) { return distance(c.cast<double>() + Vec3d::Constant(0.5)) > -3; }),
-                kFrame);
+    Model model = modelOf(
+        makeTopology(Vec3i::Constant(dim), Vec3i::Zero(), Vec3i::Constant(dim - 1),
+                     [&](const Vec3i& c) { return distance(c.cast<double>() + Vec3d::Constant(0.5)) > -3; }),
+        kFrame);
     setDensity(model.field,
                [&](const Vec3i& p) { return static_cast<float>(sharpness * distance(p.cast<double>())); });
     return model;
@@ -56,7 +57,8 @@ TEST_CASE("at any resolution a ball is a ball: closed, in place, of its volume",
                 worst = std::max(worst, std::abs(from.norm() - radius));
                 bend = std::max(bend, 1 - from.normalized().dot(mesh.normals[v].cast<double>()));
             }
-            // A tent blurs by a coarse voxel, and a ball's share of it differs from a plane's by ratio^2 / (8 r).
+            // A tent blurs by a coarse voxel, and a ball's share of it differs from a plane's by ratio^2 / (8
+            // r).
             CHECK(worst < (ratio > 1 ? 0.13 * ratio + ratio * ratio / (4 * radius) : 0.025));
             CHECK(bend < (ratio > 1 ? 0.03 + ratio / radius / 4 : 0.001));
             const double volume = 4.0 / 3 * 3.14159265 * std::pow(radius * kFrame.voxel_size, 3);
@@ -77,7 +79,8 @@ TEST_CASE("coarse planes lie where they lay, wherever voxels are", "[export]") {
             for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
                 const Vec3d p = kFrame.indexFromWorld(mesh.positions[v].cast<double>());
                 const double ratio = 47.0 / resolution;
-                if (p.x() < 10 || p.y() < 2 * ratio || p.y() > 47 - 2 * ratio || p.z() < 2 * ratio || p.z() > 47 - 2 * ratio)
+                if (p.x() < 10 || p.y() < 2 * ratio || p.y() > 47 - 2 * ratio || p.z() < 2 * ratio ||
+                    p.z() > 47 - 2 * ratio)
                     continue;
                 ++n_on_plane;
                 REQUIRE(p.x() == Approx(place).margin(0.07 * ratio));  // of a tent's sum at so many places
@@ -113,7 +116,8 @@ TEST_CASE("thin shells hold at a coarse resolution when they are filled before t
 
 TEST_CASE("a finer field interpolates: the same surface, between the same voxels", "[export]") {
     const Model model = solid(32, 1, [](const Vec3d& p) {
-        return std::sin(0.5 * p.x()) + std::cos(0.4 * p.y() + 0.3 * p.z()) + 6 - 0.4 * (p - Vec3d(15, 16, 15)).norm();
+        return std::sin(0.5 * p.x()) + std::cos(0.4 * p.y() + 0.3 * p.z()) + 6 -
+               0.4 * (p - Vec3d(15, 16, 15)).norm();
     });
     const Mesh fine = extract(model, at(31 * 4));
     REQUIRE(complaint(fine) == "");
@@ -149,9 +153,10 @@ TEST_CASE("coarse colours are those of what is inside; resampling does not depen
     const Vec3d centre(15.5, 15.2, 15.8);
     constexpr int kChannels = 4;
     Model model;
-    model.field = VoxelField(makeTopology(Vec3i::Constant(32), Vec3i::Zero(), Vec3i::Constant(31),
-                                          [&](const Vec3i& c) { return (c.cast<double>() - centre).norm() < 14; }),
-                             kFrame, kChannels, 1.0);
+    model.field =
+        VoxelField(makeTopology(Vec3i::Constant(32), Vec3i::Zero(), Vec3i::Constant(31),
+                                [&](const Vec3i& c) { return (c.cast<double>() - centre).norm() < 14; }),
+                   kFrame, kChannels, 1.0);
     model.decoder = Decoder(kChannels, 7);
     forEachVoxel(model.field.topology(), [&](const Vec3i& p, std::size_t i) {
         const double r = (p.cast<double>() - centre).norm();
@@ -183,5 +188,6 @@ TEST_CASE("coarse colours are those of what is inside; resampling does not depen
         const ThreadLimit four(4);
         CHECK(sameBytes(one, extract(model, options)));
     }
-    for (const int resolution : {-1, kMostResolution + 1}) CHECK_THROWS_AS(extract(model, at(resolution)), UsageError);
+    for (const int resolution : {-1, kMostResolution + 1})
+        CHECK_THROWS_AS(extract(model, at(resolution)), UsageError);
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The proof that surfaces hold water: thousands of random sparse fields, made so that everything that can go wrong at
-// a voxel, a face, a leaf's border or a tile's does occur, and what must hold for each of their meshes.
+// The proof that surfaces hold water: thousands of random sparse fields, made so that everything that can go
+// wrong at a voxel, a face, a leaf's border or a tile's does occur, and what must hold for each of their
+// meshes.
 #include <algorithm>
 #include <functional>
 #include <queue>
@@ -31,9 +32,9 @@ struct Dice {
 
 using Value = std::function<float(const Vec3i&)>;  // of any voxel; inside: >= 0
 
-/// Pieces into which the inside corners of a cell of any dimension fall. `free` holds the axes along which it extends,
-/// as steps of cornerStep's numbers. Corners hang together along edges, and across a face whose corners alternate if
-/// the saddle of its bilinear field is inside.
+/// Pieces into which the inside corners of a cell of any dimension fall. `free` holds the axes along which it
+/// extends, as steps of cornerStep's numbers. Corners hang together along edges, and across a face whose
+/// corners alternate if the saddle of its bilinear field is inside.
 int insidePieces(const std::array<double, 8>& value, int base, const std::vector<int>& free) {
     std::vector<int> corners = {base};
     for (const int step : free)
@@ -55,7 +56,8 @@ int insidePieces(const std::array<double, 8>& value, int base, const std::vector
                 if (!isInside(ring[first]) || !isInside(ring[first + 2]) || isInside(ring[1 - first]) ||
                     isInside(ring[3 - first]))
                     continue;
-                // With a, c inside and b, d outside the saddle (a c - b d) / (a + c - b - d) has the numerator's sign.
+                // With a, c inside and b, d outside the saddle (a c - b d) / (a + c - b - d) has the
+                // numerator's sign.
                 const double inner = value[ring[first]] * value[ring[first + 2]];
                 const double outer = value[ring[1 - first]] * value[ring[3 - first]];
                 if (inner >= outer) join(ring[first], ring[first + 2]);
@@ -67,10 +69,10 @@ int insidePieces(const std::array<double, 8>& value, int base, const std::vector
     return static_cast<int>(roots.size());
 }
 
-/// Euler characteristic of the surface, from the values alone: twice that of the solid which it encloses, as for every
-/// closed surface in space. The solid is the union of its parts in the grid's cubes. No tunnel runs through a cube, so
-/// that a part is a ball for each piece of inside corners; and parts meet in discs on faces, segments on edges, and
-/// voxels. So by inclusion and exclusion it is
+/// Euler characteristic of the surface, from the values alone: twice that of the solid which it encloses, as
+/// for every closed surface in space. The solid is the union of its parts in the grid's cubes. No tunnel runs
+/// through a cube, so that a part is a ball for each piece of inside corners; and parts meet in discs on faces,
+/// segments on edges, and voxels. So by inclusion and exclusion it is
 ///   pieces in cubes - pieces in faces + pieces in edges - voxels inside,
 /// summed over the cells whose lowest corner lies in [low, high). Everything else must be outside.
 std::int64_t eulerOfValues(const Value& valueAt, const Vec3i& low, const Vec3i& high) {
@@ -86,14 +88,17 @@ std::int64_t eulerOfValues(const Value& valueAt, const Vec3i& low, const Vec3i& 
                 }
                 if (!any) continue;
                 solid += insidePieces(value, 0, {4, 2, 1});
-                solid -= insidePieces(value, 0, {4, 2}) + insidePieces(value, 0, {4, 1}) + insidePieces(value, 0, {2, 1});
-                solid += insidePieces(value, 0, {4}) + insidePieces(value, 0, {2}) + insidePieces(value, 0, {1});
+                solid -= insidePieces(value, 0, {4, 2}) + insidePieces(value, 0, {4, 1}) +
+                         insidePieces(value, 0, {2, 1});
+                solid +=
+                    insidePieces(value, 0, {4}) + insidePieces(value, 0, {2}) + insidePieces(value, 0, {1});
                 solid -= value[0] >= 0;
             }
     return 2 * solid;
 }
 
-/// What fill_inside.h promises, voxel by voxel: outside is what a path over faces, below iso, joins to beyond the box.
+/// What fill_inside.h promises, voxel by voxel: outside is what a path over faces, below iso, joins to beyond
+/// the box.
 std::vector<bool> reachedFromBeyond(const Value& valueAt, const Vec3i& low, const Vec3i& high) {
     const Vec3i n = high - low;
     const auto place = [&](const Vec3i& p) {
@@ -122,14 +127,20 @@ constexpr int kKinds = 7;
 float randomRaw(Dice& dice, int kind, const Vec3i& p, float share_inside) {
     const bool is_inside = dice.unit() < share_inside;
     switch (kind) {
-        case 0: return is_inside ? dice.between(0, 2) : dice.between(-2, -1e-6f);  // noise: every ambiguity
-        case 1: return is_inside ? 0.0f : -1.0f;                                   // on the iso itself
-        case 2: return p.x() % 2 ? 1.0f : dice.between(-2, 0.1f);                  // sheets that nearly touch
-        case 3: return is_inside ? 1.0f : -1.0f;                                   // every saddle a tie
-        case 4: return is_inside ? dice.between(0, 1e-38f) : -dice.between(1e-38f, 1e14f);  // hardly and far
+        case 0:
+            return is_inside ? dice.between(0, 2) : dice.between(-2, -1e-6f);  // noise: every ambiguity
+        case 1:
+            return is_inside ? 0.0f : -1.0f;  // on the iso itself
+        case 2:
+            return p.x() % 2 ? 1.0f : dice.between(-2, 0.1f);  // sheets that nearly touch
+        case 3:
+            return is_inside ? 1.0f : -1.0f;  // every saddle a tie
+        case 4:
+            return is_inside ? dice.between(0, 1e-38f) : -dice.between(1e-38f, 1e14f);  // hardly and far
         case 5:  // walls and gaps along the borders of leaves
-            return p.unaryExpr([](int i) { return (i & 7) % 7 == 0 ? 1 : 0; }).any() == is_inside ? 1.0f
-                                                                                            : dice.between(-1, 0.2f);
+            return p.unaryExpr([](int i) { return (i & 7) % 7 == 0 ? 1 : 0; }).any() == is_inside
+                       ? 1.0f
+                       : dice.between(-1, 0.2f);
         default:  // smooth: large surfaces, saddles, necks
             return std::sin(0.7f * p.x() + share_inside) + std::sin(0.8f * p.y()) + std::sin(0.9f * p.z()) +
                    dice.between(-0.3f, 0.3f) + share_inside - 0.5f;
@@ -161,7 +172,8 @@ TEST_CASE("one cell with any signs and any values gives a closed oriented manifo
     }
 }
 
-TEST_CASE("thousands of random sparse fields: closed, manifold, of the topology that the values have", "[export]") {
+TEST_CASE("thousands of random sparse fields: closed, manifold, of the topology that the values have",
+          "[export]") {
     std::size_t n_meshes = 0, n_triangles = 0, n_cut = 0, n_filled = 0;
     for (std::uint64_t seed = 0; seed < 4000; ++seed) {
         Dice dice{seed};
@@ -200,7 +212,8 @@ TEST_CASE("thousands of random sparse fields: closed, manifold, of the topology 
             if (!options.fill_inside) return raw(p);
             const Vec3i n = end - first, q = p - first;
             const bool is_beyond = (q.array() < 0).any() || (q.array() >= n.array()).any();
-            if (is_beyond || reached[(static_cast<std::size_t>(q.x()) * n.y() + q.y()) * n.z() + q.z()]) return raw(p);
+            if (is_beyond || reached[(static_cast<std::size_t>(q.x()) * n.y() + q.y()) * n.z() + q.z()])
+                return raw(p);
             return raw(p) >= 0 ? raw(p) : 1.0f;
         };
         bool has_inside = false, has_field_inside = false;
