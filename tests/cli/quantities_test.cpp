@@ -32,6 +32,14 @@ TEST_CASE("steps are one number or one per stage", "[cli]") {
         CHECK_THROWS_AS(parseSteps("--steps", bad), UsageError);
 }
 
+TEST_CASE("a colour is a word or three numbers", "[cli]") {
+    CHECK(parseColor("--background", "white") == Vec3f::Ones());
+    CHECK(parseColor("--background", "black") == Vec3f::Zero());
+    CHECK(parseColor("--background", "0.25,0,1") == Vec3f(0.25f, 0, 1));
+    for (const char* bad : {"", "red", "1", "1,0", "1,0,0,0", "1,0,2", "1,0,-0.1", "nan,0,0", "1,0,0 ", "1;0;0"})
+        CHECK_THROWS_AS(parseColor("--background", bad), UsageError);
+}
+
 TEST_CASE("bounds are two corners", "[cli]") {
     const Box box = parseBounds("--bounds", {-1, -2, -3, 1, 2, 3});
     CHECK(box.min == Vec3d(-1, -2, -3));

@@ -117,6 +117,33 @@ TEST_CASE("density of samples: fast = reference") {
     });
 }
 
+TEST_CASE("sigma of samples: fast = reference") {
+    // From nothing to an optical depth of 900 a sample.
+    const VoxelField field = test::randomField(Vec3i(24, 16, 16), 4, 0.4, 0.0f, 1000.0f, 1);
+    const Occupancy occupancy = allCells(field);
+    const Bricks bricks = bricksOf(field, occupancy);
+    forEachTarget([&] {
+        for (const float tau_scale : {1e-6f, 1e-3f, 0.9f})
+            for (int n = 0; n <= 2 * kPadding + 1; ++n) {
+                RandomSamples samples(field.topology(), n, 1, 10 + n);
+                std::vector<float> fast[3], slow[3];
+                for (int k = 0; k < 3; ++k) fast[k].resize(n + kPadding), slow[k].resize(n + kPadding);
+                simd::sigmaForward(bricks, n, samples.arrays(), tau_scale, fast[0].data(), fast[1].data(),
+                                   fast[2].data());
+                reference::sigmaForward(bricks, n, samples.arrays(), tau_scale, slow[0].data(), slow[1].data(),
+                                        slow[2].data());
+                int wrong = 0;
+                for (int i = 0; i < n; ++i) {
+                    // All terms of the sum are positive, so its relative error is that of each.
+                    wrong += !(std::abs(fast[0][i] - slow[0][i]) <= kTolerance * slow[0][i]);
+                    wrong += !(std::abs(fast[1][i] - slow[1][i]) <= kTolerance * slow[1][i]);
+                    wrong += !(std::abs(fast[2][i] - slow[2][i]) <= 0.4 * kTolerance);  // tau exp(-tau) < 0.4
+                }
+                CHECK(wrong == 0);
+            }
+    });
+}
+
 TEST_CASE("features of samples, summed along rays: fast = reference for 4, 8 and 16 channels") {
     constexpr int kRays = 3;
     for (const int channels : {4, 8, 16}) {
