@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Quantities as people type them: durations, sizes of memory, lists of steps.
+// Quantities as people type them: durations, sizes of memory, lists of steps, colours, boxes.
 // `where` is the option's name, for the message of the UsageError.
 #pragma once
 

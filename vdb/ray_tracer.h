@@ -32,7 +32,7 @@ struct TraceOptions {
 /// A field, or a plain volume, and its occupied cells, ready to be traced. Borrows both.
 struct TraceScene {
     TraceScene(const VoxelField& field, const Occupancy& occupancy);
-    /// Rays are in the volume's own frame (Volume::world_from_grid is left to the caller); features are colours.
+    /// Rays are in the volume's own frame (Volume::worldFromGrid is left to the caller); features are colours.
     TraceScene(const Volume& volume, const Occupancy& occupancy);
     Bricks bricks;
     GridFrame frame;

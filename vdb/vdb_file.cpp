@@ -64,7 +64,7 @@ float volumeSigma(float raw, double density_scale, double voxel_size) {
 }
 
 bool halfSuffices(float largest_sigma, double voxel_size) {
-    constexpr double kLargestHalf = 65504, kSmallestNormalHalf = 6.1e-5, kInvisibleAlpha = 1e-3;
+    constexpr double kSmallestNormalHalf = 6.1e-5, kInvisibleAlpha = 1e-3;
     return largest_sigma <= kLargestHalf && kSmallestNormalHalf * voxel_size <= kInvisibleAlpha;
 }
 

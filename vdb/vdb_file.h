@@ -24,7 +24,9 @@ openvdb::math::Transform::Ptr gridTransform(const GridFrame& frame);
 /// programs interpolate sigma itself, and such walls would grow outward by a voxel in them (and overflow half).
 float volumeSigma(float raw, double density_scale, double voxel_size);
 
-/// True if half precision says every density that can be seen: `largest_sigma` does not overflow (65504), and
+inline constexpr float kLargestHalf = 65504;
+
+/// True if half precision says every density that can be seen: `largest_sigma` does not overflow, and
 /// what falls below half's normal range (6e-5) is invisible across a voxel. Else the world unit is unusual.
 bool halfSuffices(float largest_sigma, double voxel_size);
 

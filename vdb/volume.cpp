@@ -2,7 +2,6 @@
 #include "vdb/volume.h"
 
 #include <algorithm>
-#include <limits>
 #include <string>
 #include <unordered_map>
 
@@ -12,6 +11,10 @@
 
 namespace nerfvdb {
 namespace {
+
+// A leaf of the box takes four bytes in the topology and four in the occupancy: 2 GiB of tables.
+constexpr double kMostLeavesInBox = 1 << 28;
+constexpr std::size_t kMostLeaves = std::size_t{1} << 22;  // kernels number values, 512 a leaf, in 32 bits
 
 Vec3i corner(int n) { return {n >> 2 & 1, n >> 1 & 1, n & 1}; }
 
@@ -40,10 +43,10 @@ Volume::Volume(std::span<const Topology::LeafCells> active, const GridFrame& fra
     }
     // A cell below an active voxel may lie in the leaf before, its upper corners in the leaf behind.
     const Vec3i first = low - Vec3i::Ones(), count = high - low + Vec3i::Constant(3);
-    if (count.cast<double>().prod() > std::numeric_limits<std::int32_t>::max())
+    if (count.cast<double>().prod() > kMostLeavesInBox)
         throw DataError("volume", "active voxels in a box of " + std::to_string(count.x()) + " x " +
                                       std::to_string(count.y()) + " x " + std::to_string(count.z()) + " leaves of 8^3",
-                        "at most 2^31 leaves", "remove voxels far from the rest, or resample it coarser");
+                        "at most 2^28 leaves", "remove voxels far from the rest, or resample it coarser");
 
     const LeafNumbers number(first, count);
     std::unordered_map<std::int64_t, std::size_t> entry_at;
@@ -66,6 +69,9 @@ Volume::Volume(std::span<const Topology::LeafCells> active, const GridFrame& fra
     }
 
     topology_ = Topology(count * kLeafDim, cells);
+    if (topology_.leafCount() > kMostLeaves)
+        throw DataError("volume", "voxels in " + std::to_string(topology_.leafCount()) + " leaves of 8^3",
+                        "at most 2^22 leaves", "resample it coarser, or split it");
     first_voxel_ = first * kLeafDim;
     frame_ = {frame.worldFromIndex(first_voxel_.cast<double>()), frame.voxel_size};
     active_.resize(topology_.leafCount());

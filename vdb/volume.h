@@ -22,9 +22,10 @@ public:
     static constexpr int kChannels = 4;  // of a colour: linear red, green, blue, and a zero that aligns it
 
     Volume() = default;
-    /// All zero. `active`: the voxels that hold something, by leaf, in any order, leaf coordinates as one likes
-    /// (also negative): the frame says where voxel (0, 0, 0) of these coordinates lies.
-    /// Throws DataError when the voxels lie so far apart that the table of leaves would not fit (2^31 leaves).
+    /// All zero. `active`: the voxels that hold something, by leaf, each leaf once, in any order, leaf coordinates as
+    /// one likes (also negative): the frame says where voxel (0, 0, 0) of these coordinates lies.
+    /// Throws DataError when the voxels lie so far apart that the tables of leaves would not fit (2^28 leaves), or
+    /// fill more leaves than the kernels can number values of (2^22).
     Volume(std::span<const Topology::LeafCells> active, const GridFrame& frame);
 
     const Topology& topology() const { return topology_; }

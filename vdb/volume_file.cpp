@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vdb/volume_file.h"
 
+#include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
 
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <fstream>
+#include <new>
 
 #include "core/atomic_file.h"
 #include "core/error.h"
@@ -19,6 +22,7 @@ namespace {
 using FloatLeaf = openvdb::FloatTree::LeafNodeType;
 using ColorLeaf = openvdb::Vec3STree::LeafNodeType;
 constexpr const char* kBackground = "background_srgb";
+constexpr double kSameVoxel = 1e-3;  // voxels between two grids that do not matter
 constexpr std::uint64_t kMostVoxels = std::uint64_t{1} << 31;  // a file of constant tiles can claim any number
 
 // ---- Writing ----
@@ -36,6 +40,10 @@ openvdb::math::Transform::Ptr volumeTransform(const Volume& volume) {
         transform->postMult(matrix);
     }
     return transform;
+}
+
+float largestOf(std::span<const float> values) {
+    return values.empty() ? 0.0f : *std::max_element(values.begin(), values.end());
 }
 
 /// A grid whose leaves `makeLeaf(leaf number, origin)` gives, null where there is none.
@@ -87,21 +95,23 @@ openvdb::Vec3SGrid::Ptr colorGrid(const Volume& volume) {
 openvdb::FloatGrid::Ptr findDensity(const openvdb::GridPtrVec& grids, const std::string& path) {
     std::vector<openvdb::FloatGrid::Ptr> fogs;
     std::string names;
+    bool has_density = false;  // of a type that is none
     for (const openvdb::GridBase::Ptr& grid : grids) {
-        names += (names.empty() ? "'" : ", '") + grid->getName() + "' (" + grid->valueType() + ")";
-        auto found = openvdb::gridPtrCast<openvdb::FloatGrid>(grid);
-        if (!found) continue;
-        if (grid->getGridClass() == openvdb::GRID_LEVEL_SET) {
-            if (grid->getName() != "density") continue;
+        const bool is_level_set = grid->getGridClass() == openvdb::GRID_LEVEL_SET;
+        const bool is_density = grid->getName() == "density";
+        if (is_density && is_level_set)
             throw DataError(path + ": density", "a level set, which holds distances", "a fog volume",
                             "convert it, for example with OpenVDB's sdfToFogVolume");
-        }
-        if (grid->getName() == "density") return found;
-        fogs.push_back(found);
+        const auto found = openvdb::gridPtrCast<openvdb::FloatGrid>(grid);
+        if (found && is_density) return found;
+        if (found && !is_level_set) fogs.push_back(found);
+        has_density |= is_density;
+        names += (names.empty() ? "'" : ", '") + grid->getName() + "' (" + grid->valueType() +
+                 (is_level_set ? ", level set)" : ")");
     }
-    if (fogs.size() == 1) return fogs.front();
+    if (fogs.size() == 1 && !has_density) return fogs.front();
     throw DataError(path, grids.empty() ? "no grids" : "the grids " + names, "a float grid 'density'",
-                    "rename the grid that holds the extinction");
+                    grids.empty() ? "" : "rename or convert the grid that holds the extinction");
 }
 
 openvdb::Vec3SGrid::Ptr findColor(const openvdb::GridPtrVec& grids) {
@@ -138,10 +148,26 @@ void readTransform(const openvdb::math::Transform& transform, const std::string&
     }
 }
 
-void checkSize(const openvdb::GridBase& grid, const std::string& where) {
-    if (grid.activeVoxelCount() > kMostVoxels)
-        throw DataError(where, std::to_string(grid.activeVoxelCount()) + " active voxels", "at most 2^31",
+/// True if a voxel of one grid is the voxel of the other with the same index, wherever `density` has something.
+/// OpenVDB's own comparison of transforms takes those that differ by single precision's rounding for different.
+bool haveSameVoxels(const openvdb::FloatGrid& density, const openvdb::Vec3SGrid& color) {
+    if (!color.transform().isLinear()) return false;
+    const openvdb::CoordBBox box = density.evalActiveVoxelBoundingBox();
+    for (int corner = 0; corner < 8 && !box.empty(); ++corner) {
+        const openvdb::Vec3d at(corner & 4 ? box.max().x() : box.min().x(), corner & 2 ? box.max().y() : box.min().y(),
+                                corner & 1 ? box.max().z() : box.min().z());
+        if (!((color.worldToIndex(density.indexToWorld(at)) - at).length() < kSameVoxel)) return false;
+    }
+    return true;
+}
+
+void checkDensity(const openvdb::FloatGrid& density, const std::string& where) {
+    if (density.activeVoxelCount() > kMostVoxels)
+        throw DataError(where, std::to_string(density.activeVoxelCount()) + " active voxels", "at most 2^31",
                         "resample the volume coarser");
+    if (density.background() != 0)
+        throw DataError(where, "a grid background of " + std::to_string(density.background()) + ", so endless fog",
+                        "a grid background of 0", "change it, for example with OpenVDB's changeBackground");
 }
 
 std::vector<Topology::LeafCells> activeLeaves(const openvdb::MaskTree& tree) {
@@ -153,13 +179,23 @@ std::vector<Topology::LeafCells> activeLeaves(const openvdb::MaskTree& tree) {
     return leaves;
 }
 
-void fillValues(const openvdb::FloatGrid& density, const openvdb::Vec3SGrid* color, const std::string& path,
+/// Volume's constructor, with the file's name before its complaints.
+Volume volumeOf(const std::vector<Topology::LeafCells>& active, const GridFrame& frame, const std::string& path) {
+    try {
+        return Volume(active, frame);
+    } catch (const DataError& error) {
+        throw DataError(path + ": " + error.what());
+    }
+}
+
+void fillValues(const openvdb::FloatGrid& density, const openvdb::Vec3SGrid& color, const std::string& path,
                 Volume& volume) {
     const Topology& topology = volume.topology();
     std::vector<char> is_bad(topology.leafCount(), 0);
     parallelFor(topology.leafCount(), [&](std::size_t leaf) {
         const Vec3i first = topology.leafCoords()[leaf] * kLeafDim + volume.firstVoxel();
         const auto sigma_at = density.getConstUnsafeAccessor();
+        const auto color_at = color.getConstUnsafeAccessor();
         forEachBit(topology.voxels()[leaf], [&](int offset) {
             const Vec3i ijk = first + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
             const openvdb::Coord at(ijk.x(), ijk.y(), ijk.z());
@@ -167,7 +203,7 @@ void fillValues(const openvdb::FloatGrid& density, const openvdb::Vec3SGrid* col
             const float sigma = sigma_at.getValue(at);
             is_bad[leaf] |= !(sigma >= 0) || !std::isfinite(sigma);
             volume.sigma()[voxel] = sigma;
-            const openvdb::Vec3s value = color ? color->tree().getValue(at) : openvdb::Vec3s(1.0f);
+            const openvdb::Vec3s value = color_at.getValue(at);
             for (int c = 0; c < 3; ++c) {
                 is_bad[leaf] |= !(value[c] >= 0) || !std::isfinite(value[c]);
                 volume.color()[voxel * Volume::kChannels + c] = value[c];
@@ -190,15 +226,15 @@ WrittenVolume writeVolume(const std::filesystem::path& path, const Volume& volum
     density->setTransform(volumeTransform(volume));
     density->setName("density");
     density->setGridClass(openvdb::GRID_FOG_VOLUME);
-    const float largest = volume.sigma().empty() ? 0.0f : *std::max_element(volume.sigma().begin(), volume.sigma().end());
-    density->setSaveFloatAsHalf(options.half && halfSuffices(largest, volume.frame().voxel_size));
+    density->setSaveFloatAsHalf(options.half &&
+                                halfSuffices(largestOf(volume.sigma()), volume.frame().voxel_size));
     openvdb::GridCPtrVec grids{density};
     if (options.color) {
         const openvdb::Vec3SGrid::Ptr color = colorGrid(volume);
         color->setTransform(volumeTransform(volume));
         color->setName(options.color_name);
         color->setVectorType(openvdb::VEC_INVARIANT);  // a colour does not turn with the grid
-        color->setSaveFloatAsHalf(options.half);
+        color->setSaveFloatAsHalf(options.half && largestOf(volume.color()) <= kLargestHalf);
         grids.push_back(color);
     }
 
@@ -223,27 +259,31 @@ VolumeFile readVolume(const std::filesystem::path& path) {
     std::string().swap(bytes);
     try {
         openvdb::initialize();
-        openvdb::io::File file(path.string());
+        // A stream of ours: behind its end io::File would go on, and take what it finds in memory for sizes.
+        std::ifstream in;
+        in.exceptions(std::ios::failbit | std::ios::badbit);
+        in.open(path, std::ios::binary);
         constexpr bool kDelayedLoading = false;
-        file.open(kDelayedLoading);
+        openvdb::io::Stream file(in, kDelayedLoading);
         const openvdb::GridPtrVecPtr grids = file.getGrids();
         const openvdb::FloatGrid::Ptr density = findDensity(*grids, path.string());
         const openvdb::Vec3SGrid::Ptr color = findColor(*grids);
-        if (color && !(color->transform() == density->transform()))
-            throw DataError(path.string() + ": " + color->getName(), "another transform than the density's",
-                            "the same voxels", "resample one to the other");
         GridFrame frame;
         Similarity placed;
-        readTransform(density->transform(), path.string() + ": density", frame, placed);
-        checkSize(*density, path.string() + ": density");
+        readTransform(density->transform(), path.string() + ": " + density->getName(), frame, placed);
+        checkDensity(*density, path.string() + ": " + density->getName());
+        if (color && !haveSameVoxels(*density, *color))
+            throw DataError(path.string() + ": " + color->getName(), "another transform than the density's",
+                            "the same voxels", "resample one to the other");
 
         openvdb::MaskTree active(density->tree(), false, true, openvdb::TopologyCopy());
         active.voxelizeActiveTiles();
         VolumeFile read;
-        read.volume = Volume(activeLeaves(active), frame);
+        read.volume = volumeOf(activeLeaves(active), frame, path.string());
         read.volume.place(placed);
         read.has_color = color != nullptr;
-        fillValues(*density, color.get(), path.string(), read.volume);
+        const openvdb::Vec3SGrid white(openvdb::Vec3s(1.0f));
+        fillValues(*density, color ? *color : white, path.string(), read.volume);
         if (const auto background = file.getMetadata()->getMetadata<openvdb::Vec3SMetadata>(kBackground)) {
             const Vec3f values(background->value().asPointer());
             if (values.allFinite()) read.background = values.cwiseMax(0.0f).cwiseMin(1.0f);
@@ -251,6 +291,12 @@ VolumeFile readVolume(const std::filesystem::path& path) {
         return read;
     } catch (const openvdb::Exception& error) {
         throw DataError(path.string(), std::string("OpenVDB's error \"") + error.what() + "\"", "a .vdb volume");
+    } catch (const std::ios_base::failure&) {
+        throw DataError(path.string(), "a truncated file", "a whole .vdb volume", "copy or export the file again");
+    } catch (const std::bad_alloc&) {
+        // What is left of a damaged file may claim any size: OpenVDB believes it.
+        throw DataError(path.string(), "content that asks for more memory than there is", "a .vdb volume that fits",
+                        "copy or export the file again if it is damaged, else resample it coarser");
     }
 }
 

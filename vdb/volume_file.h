@@ -40,7 +40,8 @@ struct VolumeFile {
 
 /// Reads the float grid "density" (or the only float fog volume) and a vec3 grid "color" or "Cd".
 /// Throws IoError, or DataError with what was found: no .vdb; damaged (ours are sealed); no density; a level set;
-/// grids that do not share their transform; voxels that are no cubes; values that are negative or not finite.
+/// grids that do not share their transform; voxels that are no cubes; fog without end (a grid background that is not
+/// zero); values that are negative or not finite; more than memory holds.
 VolumeFile readVolume(const std::filesystem::path& path);
 
 }  // namespace nerfvdb
