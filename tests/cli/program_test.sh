@@ -280,6 +280,80 @@ JSON
     says err "volume.vdb"
 }
 
+# foreign_volume FILE PYTHON...: a volume as another program writes it; the words act on a FloatGrid `fog`.
+foreign_volume() {
+    local file=$1
+    shift
+    "$python" -c "import pyopenvdb as vdb
+fog = vdb.FloatGrid()
+fog.name = 'density'
+fog.gridClass = vdb.GridClass.FOG_VOLUME
+fog.fill((-12, -12, -12), (11, 11, 11), 4.0)
+fog.transform = vdb.createLinearTransform(voxelSize=0.05)
+$*
+vdb.write('$file', grids=[fog])" || fail "no foreign volume $file"
+}
+
+test_volumes() {
+    local bad python
+    tiny_scene --no-truth
+    tiny_model
+    expect 0 export model.vdb --out volume.vdb --fit 100 --finer 1
+
+    # An export is shown and scored as a model is, and nearly as well as one that has no view-dependence.
+    expect 0 eval volume.vdb data --split test --json volume.json --save views
+    has_keys volume.json psnr ssim seconds_per_frame samples_per_ray views
+    [[ "$(ls views)" == $'0000.png\n0001.png\n0002.png' ]] || fail "saved: $(ls views)"
+    expect 0 eval model.vdb data --split test --no-view-dependence --json flat.json
+    psnr_of() { sed -nE 's/^  "psnr": ([0-9.]+),?$/\1/p' "$1"; }
+    awk -v volume="$(psnr_of volume.json)" -v flat="$(psnr_of flat.json)" \
+        'BEGIN { exit !(volume > 12 && flat > 12 && volume > flat - 2) }' ||
+        fail "PSNR of the volume $(psnr_of volume.json), of the model $(psnr_of flat.json)"
+    expect 0 render volume.vdb --orbit 2 --width 32 --height 24 --out orbit --depth --opacity --normals
+    [[ $(find orbit -name '000[01].*' | wc -l) -eq 14 ]] || fail "render wrote: $(ls orbit)"
+
+    # What is behind it: noted in the file, until another is asked for.
+    expect 0 render volume.vdb --orbit 1 --width 16 --height 16 --out as_noted
+    expect 0 render volume.vdb --orbit 1 --width 16 --height 16 --out white --background white
+    expect 0 render volume.vdb --orbit 1 --width 16 --height 16 --out red --background 1,0,0
+    cmp as_noted/0000.png white/0000.png || fail "the background of training was lost"
+    if cmp -s white/0000.png red/0000.png; then fail "--background changes nothing"; fi
+    expect 2 render volume.vdb --orbit 1 --background crimson
+    says err "--background: found 'crimson', expected white, black or three numbers from 0 to 1"
+    expect 2 eval volume.vdb data --background 0,0,2
+    says err "--background"
+
+    # Damaged, and no volume at all.
+    head -c $(($(bytes volume.vdb) - 100)) volume.vdb >short.vdb
+    for bad in "eval short.vdb data" "render short.vdb --orbit 2 --out bad"; do
+        # shellcheck disable=SC2086
+        expect 1 $bad
+        says err "short.vdb: found damaged or truncated content (it does not match its checksum)"
+    done
+    [[ ! -e bad/0000.png ]] || fail "a picture of a damaged volume"
+
+    python=$(with_pyopenvdb)
+    if [[ -z "$python" ]]; then
+        echo "without other programs' volumes: no pyopenvdb here"
+        return
+    fi
+    foreign_volume fog.vdb "fog.name = 'smoke'"
+    expect 0 render fog.vdb --orbit 1 --width 16 --height 16 --out fog --background black
+    [[ -s fog/0000.png ]] || fail "no picture of another program's volume"
+    expect 0 eval fog.vdb data --split test
+    says out "3 views: PSNR"
+    foreign_volume surface.vdb "fog.gridClass = vdb.GridClass.LEVEL_SET"
+    expect 1 render surface.vdb --orbit 1 --out bad
+    says err "surface.vdb: density: found a level set, which holds distances, expected a fog volume"
+    foreign_volume negative.vdb "fog.fill((0, 0, 0), (3, 3, 3), -1.0)"
+    expect 1 eval negative.vdb data
+    says err "negative.vdb: a voxel of the leaf at index (0, 0, 0): found a density or colour that is negative"
+    foreign_volume huge.vdb "fog.fill((0, 0, 0), (8191, 8191, 8191), 1.0)"
+    expect 1 render huge.vdb --orbit 1 --out bad
+    says err "huge.vdb: density: found 549755"
+    [[ ! -e bad/0000.png ]] || fail "a picture of no volume"
+}
+
 test_bench() {
     tiny_scene --no-truth
     tiny_model

@@ -67,6 +67,34 @@ TEST_CASE("scores are means over views", "[trainer]") {
     CHECK(some.views[1].index == 2);
 }
 
+TEST_CASE("anything that makes pictures can be scored, over its own background", "[trainer]") {
+    Dataset dataset;
+    dataset.root = "flat";
+    for (const std::uint8_t grey : {51, 102, 153}) dataset.views.push_back(flatView(16, {grey, grey, grey, 51}));
+    for (std::size_t i = 0; i < 3; ++i) dataset.views[i].camera.position.x() = static_cast<double>(i);
+    // Grey of alpha 0.2 over a background of 0.5, missed by 0.1 in view 0 and by 0.01 in view 2.
+    std::vector<double> asked;
+    const RenderView render = [&](const Camera& camera) {
+        asked.push_back(camera.position.x());
+        RenderedImage picture;
+        picture.rgb = Image(camera.width, camera.height, 3);
+        const double view = camera.position.x();
+        const double truth = 0.2 * (0.2 + 0.2 * view) + 0.8 * 0.5;
+        for (float& value : picture.rgb.pixels) value = static_cast<float>(truth + (view == 0 ? 0.1 : 0.01));
+        picture.counters.rays = 7;
+        return picture;
+    };
+    Report silent;
+    const Evaluation scores = evaluate(render, Vec3f::Constant(0.5f), dataset, 2, silent);
+    CHECK(asked == std::vector<double>{0, 2});
+    REQUIRE(scores.views.size() == 2);
+    CHECK(scores.views[0].psnr == Approx(20).margin(1e-3));
+    CHECK(scores.views[1].psnr == Approx(40).margin(1e-2));
+    CHECK(scores.psnr == Approx(30).margin(1e-2));
+    CHECK(scores.counters.rays == 14);
+    CHECK_THROWS_AS(evaluate(render, Vec3f::Zero(), dataset, 0, silent), UsageError);
+}
+
 TEST_CASE("what cannot be scored is refused", "[trainer]") {
     const Model model = emptyModel(Vec3f(1, 1, 1));
     Report silent;

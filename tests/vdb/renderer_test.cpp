@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vdb/renderer.h"
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -105,6 +106,49 @@ TEST_CASE("rays that meet nothing show the background, and their decoding change
     const RenderedImage broken = Renderer(model, {}).render(camera);
     CHECK(std::isnan(broken.rgb.at(20, 20)[0]));
     for (int c = 0; c < 3; ++c) CHECK(broken.rgb.at(39, 39)[c] == model.background[c]);
+}
+
+TEST_CASE("without view-dependence a pixel has its mean features' colour, averaged over directions, as if opaque") {
+    const auto ball = [](const Vec3i& cell) { return (cell - Vec3i::Constant(12)).squaredNorm() < 20; };
+    Model model = plainModel(
+        ball, [](const Vec3i&) { return -2.0; }, Vec3f(0.2f, 0.3f, 0.4f));
+    for (std::size_t i = 0; i < model.field.features().size(); ++i)
+        model.field.features()[i] = test::randomIn(-2, 2, 71, i);
+    model.decoder = Decoder(4, 7);
+    for (std::size_t i = 0; i < model.decoder.parameters().size(); ++i)
+        model.decoder.parameters()[i] = test::randomIn(-0.3f, 0.3f, 72, i);  // a fresh network's output is zero
+    RenderOptions options;
+    options.view_dependent = false;
+    const Camera camera = lookAt(Vec3d(-8, 0.3, 0.1), Vec3d::Zero(), Vec3d::UnitZ(), 0.15, 20, 20);
+    const RenderedImage flat = Renderer(model, options).render(camera), viewed = Renderer(model, {}).render(camera);
+    CHECK(flat.opacity.pixels == viewed.opacity.pixels);
+
+    const Occupancy occupancy = findOccupied(model.field, 0);
+    const TraceScene scene(model.field, occupancy);
+    RayTracer tracer(1);
+    KeptSamples kept;
+    int n_background = 0, n_thin = 0;
+    double difference = 0;
+    for (int y = 0; y < 20; ++y)
+        for (int x = 0; x < 20; ++x) {
+            tracer.clear();
+            tracer.addRay(scene, cameraRay(camera, x + 0.5, y + 0.5), options.trace.step_voxels, 0.5f);
+            tracer.trace(scene, options.trace, kept);
+            float colour[3];
+            model.decoder.diffuse(1, tracer.rayFeatures(), colour);
+            const float opacity = 1 - tracer.transmittance()[0];
+            n_background += opacity == 0;
+            n_thin += opacity > 0.1f && opacity < 0.9f;
+            for (int c = 0; c < 3; ++c) {
+                // Batches of another size may round differently in the last bits.
+                CHECK(flat.rgb.at(x, y)[c] ==
+                      Approx(opacity * colour[c] + (1 - opacity) * model.background[c]).margin(2e-6));
+                difference = std::max<double>(difference, std::abs(flat.rgb.at(x, y)[c] - viewed.rgb.at(x, y)[c]));
+            }
+        }
+    CHECK(n_background > 20);
+    CHECK(n_thin > 20);
+    CHECK(difference > 0.02);
 }
 
 TEST_CASE("depth of a slab: its face where it is opaque, its light's centre where it is thin") {

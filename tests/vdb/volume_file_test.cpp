@@ -3,8 +3,10 @@
 
 #include <openvdb/openvdb.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <Eigen/Geometry>
 #include <map>
 #include <tuple>
 
@@ -12,6 +14,7 @@
 #include "core/error.h"
 #include "tests/support/catch.h"
 #include "tests/support/random_volume.h"
+#include "tests/support/small_disk.h"
 #include "tests/support/temp_dir.h"
 
 using namespace nerfvdb;
@@ -120,10 +123,109 @@ TEST_CASE("volumes of other programs are read: Cd, tiles, negative coordinates, 
     CHECK(values.at({70, 70, 70}).sigma == 0.5f);
     CHECK(read.volume.givenFrame().voxel_size == Approx(0.25));
 
-    writeForeign(folder / "b.vdb", {fog("smoke")});
+    // A level set beside it, or a vector, is not what is meant.
+    auto surface = fog("surface");
+    surface->setGridClass(openvdb::GRID_LEVEL_SET);
+    writeForeign(folder / "b.vdb", {surface, openvdb::Vec3SGrid::create(), fog("smoke")});
     const VolumeFile grey = readVolume(folder / "b.vdb");
     CHECK_FALSE(grey.has_color);
     CHECK(valuesOf(grey.volume).at({-3, 4, 5}).color[0] == 1);
+}
+
+TEST_CASE("a foreign volume stands where its transform says, turned and scaled") {
+    const TempDir folder;
+    const Eigen::Matrix3d turn =
+        (Eigen::AngleAxisd(0.7, Vec3d(1, -2, 3).normalized()) * Eigen::AngleAxisd(-1.1, Vec3d::UnitX()))
+            .toRotationMatrix();
+    openvdb::Mat4d matrix = openvdb::Mat4d::identity();  // acts on rows
+    for (int row = 0; row < 3; ++row)
+        for (int column = 0; column < 3; ++column)
+            matrix(row, column) = static_cast<float>(0.3 * turn(column, row));  // as single precision leaves it
+    matrix.setTranslation(openvdb::Vec3d(4, 5, -6));
+    const auto density = fog();
+    density->setTransform(openvdb::math::Transform::createLinearTransform(matrix));
+    const auto color = openvdb::Vec3SGrid::create();
+    color->setName("color");
+    color->setTransform(density->transform().copy());
+    writeForeign(folder / "a.vdb", {density, color});
+    const Volume volume = readVolume(folder / "a.vdb").volume;
+    CHECK(volume.frame().voxel_size == Approx(0.3));
+    for (const openvdb::Coord& ijk : {openvdb::Coord(0), openvdb::Coord(-3, 4, 5), openvdb::Coord(900, -800, 700)}) {
+        const openvdb::Vec3d expected = density->indexToWorld(ijk);
+        const Vec3d own = (Vec3i(ijk.x(), ijk.y(), ijk.z()) - volume.firstVoxel()).cast<double>();
+        const Vec3d found = volume.worldFromGrid().apply(volume.frame().worldFromIndex(own));
+        CHECK((found - Vec3d(expected.asPointer())).norm() < 1e-3 * 0.3);
+    }
+    // Light crosses three tenths of a unit where it crosses a voxel, turned or not.
+    CHECK(*std::max_element(volume.sigma().begin(), volume.sigma().end()) == 2);
+
+    // The same place up to rounding is the same place; a fifth of a voxel beside is not.
+    const auto plain = fog();
+    color->setTransform(openvdb::math::Transform::createLinearTransform(0.2500005));
+    REQUIRE(color->transform() != plain->transform());
+    writeForeign(folder / "b.vdb", {plain, color});
+    CHECK(readVolume(folder / "b.vdb").has_color);
+    color->transform().postTranslate(openvdb::Vec3d(0.05, 0, 0));
+    writeForeign(folder / "b.vdb", {plain, color});
+    CHECK_THROWS_WITH(readVolume(folder / "b.vdb"), Contains("color") && Contains("another transform"));
+}
+
+TEST_CASE("values are kept as half where half can say them, else as float") {
+    const TempDir folder;
+    for (const bool is_bright : {false, true})
+        for (const bool is_dense : {false, true}) {
+            Volume volume = test::randomVolume();
+            const std::span<float> sigma = volume.sigma();
+            const auto i = static_cast<std::size_t>(std::max_element(sigma.begin(), sigma.end()) - sigma.begin());
+            if (is_dense) sigma[i] = 7e4f;
+            if (is_bright) volume.color()[i * Volume::kChannels] = 7e4f;
+            CHECK(writeVolume(folder / "a.vdb", volume, {}).half == !is_dense);
+            const auto before = valuesOf(volume), after = valuesOf(readVolume(folder / "a.vdb").volume);
+            REQUIRE(before.size() == after.size());
+            double worst_sigma = 0, worst_color = 0;  // relative
+            for (const auto& [at, value] : before) {
+                const Values& found = after.at(at);
+                if (value.sigma > 0)
+                    worst_sigma = std::max<double>(worst_sigma, std::abs(found.sigma / value.sigma - 1));
+                worst_color = std::max<double>(worst_color, std::abs(found.color[0] / value.color[0] - 1));
+            }
+            // 11 bits of half, or all of float.
+            CHECK(worst_sigma <= (is_dense ? 0 : 0x1p-11));
+            CHECK(worst_color <= (is_bright ? 0 : 0x1p-11));
+            CHECK(is_dense == (worst_sigma == 0));
+            CHECK(is_bright == (worst_color == 0));
+        }
+}
+
+TEST_CASE("a volume that finds no room leaves what stood there") {
+    const TempDir folder;
+    writeVolume(folder / "a.vdb", test::randomVolume(), {});
+    const std::string before = readFile(folder / "a.vdb");
+    {
+        const SmallDisk disk(before.size() / 2);
+        CHECK_THROWS_WITH(writeVolume(folder / "a.vdb", test::randomVolume(0.1, 20.0f, 7), {}),
+                          Contains("a.vdb") && Contains("File too large"));
+    }
+    const bool is_untouched = readFile(folder / "a.vdb") == before;
+    CHECK(is_untouched);
+    CHECK(std::distance(fs::directory_iterator(folder.path()), {}) == 1);
+}
+
+TEST_CASE("another program's volume that was cut short is refused, wherever it was cut") {
+    const TempDir folder;
+    const auto density = fog();
+    for (int i = 0; i < 3000; ++i)
+        density->tree().setValueOn({i * 7 % 31, i * 13 % 37, i * 5 % 41}, 1 + 0.001f * static_cast<float>(i));
+    writeForeign(folder / "whole.vdb", {density});
+    CHECK(valuesOf(readVolume(folder / "whole.vdb").volume).size() > 3000);
+    const std::string bytes = readFile(folder / "whole.vdb");
+    int n_cut = 0;
+    for (std::size_t size = 0; size < bytes.size(); size += bytes.size() / 97 + 1, ++n_cut) {
+        CAPTURE(size);
+        std::ofstream(folder / "cut.vdb", std::ios::binary) << bytes.substr(0, size);
+        CHECK_THROWS_AS(readVolume(folder / "cut.vdb"), DataError);
+    }
+    CHECK(n_cut > 50);
 }
 
 TEST_CASE("what is no volume is refused with a reason") {
@@ -137,6 +239,22 @@ TEST_CASE("what is no volume is refused with a reason") {
     refused({}, "no grids");
     refused({openvdb::Vec3SGrid::create()}, "vec3s");
     refused({fog("a"), fog("b")}, "'a'");
+    auto doubled = openvdb::DoubleGrid::create(0.0);
+    doubled->setName("density");
+    refused({doubled, fog("heat")}, "'density' (double), 'heat' (float), expected a float grid 'density'");
+    auto surface = fog("surface");
+    surface->setGridClass(openvdb::GRID_LEVEL_SET);
+    refused({surface}, "'surface' (float, level set)");
+    auto everywhere = openvdb::FloatGrid::create(0.5f);
+    everywhere->setName("density");
+    refused({everywhere}, "endless fog");
+    for (const float bad : {-0.5f, NAN, INFINITY}) {
+        auto color = openvdb::Vec3SGrid::create();
+        color->setName("Cd");
+        color->setTransform(fog()->transform().copy());
+        color->tree().setValueOn(openvdb::Coord(-3, 4, 5), openvdb::Vec3s(0, bad, 0));
+        refused({fog(), color}, "negative or not finite");
+    }
     auto level_set = fog();
     level_set->setGridClass(openvdb::GRID_LEVEL_SET);
     refused({level_set}, "a level set");
@@ -151,12 +269,22 @@ TEST_CASE("what is no volume is refused with a reason") {
     auto mirrored = fog();
     mirrored->transform().preScale(openvdb::Vec3d(1, 1, -1));
     refused({mirrored}, "no cubes");
+    auto sheared = fog();
+    sheared->transform().preShear(0.1, openvdb::math::X_AXIS, openvdb::math::Y_AXIS);
+    refused({sheared}, "no cubes");
+    auto tapered = fog();
+    tapered->setTransform(openvdb::math::Transform::createFrustumTransform(
+        openvdb::BBoxd(openvdb::Vec3d(-10), openvdb::Vec3d(10)), 0.5, 20, 1));
+    refused({tapered}, "no cubes");
     auto elsewhere = openvdb::Vec3SGrid::create();
     elsewhere->setName("color");
     refused({fog(), elsewhere}, "another transform");
     auto endless = fog();
     endless->fill(openvdb::CoordBBox(openvdb::Coord(0), openvdb::Coord(4095)), 1.0f);
     refused({endless}, "active voxels");
+    auto scattered = fog();
+    scattered->tree().setValueOn(openvdb::Coord(1 << 20, 1 << 20, 1 << 20), 1.0f);
+    refused({scattered}, "leaves of 8^3");
 
     std::ofstream(folder / "bad.vdb") << "no volume";
     CHECK_THROWS_WITH(readVolume(folder / "bad.vdb"), Contains("no .vdb file"));

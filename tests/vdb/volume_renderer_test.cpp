@@ -1,9 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vdb/volume_renderer.h"
 
+#include <Eigen/Geometry>
 #include <cmath>
+#include <numbers>
 
 #include "core/image.h"
+#include "core/parallel.h"
 #include "tests/support/catch.h"
 #include "tests/support/random_volume.h"
 
@@ -75,6 +78,86 @@ TEST_CASE("pictures of a volume agree with a march in tiny steps: light adds up,
                 for (int c = 0; c < 3; ++c) CHECK(picture.rgb.at(x, y)[c] == Approx(truth[c]).margin(3e-3));
             }
     }
+}
+
+TEST_CASE("depth and normals of a turned volume are those of its density, in world axes") {
+    // sigma rises along one axis, from nothing to opaque: all light comes from where it does.
+    std::vector<Topology::LeafCells> active;
+    LeafMask all;
+    all.fill(~std::uint64_t{0});
+    for (int x = 0; x < 3; ++x)
+        for (int y = 0; y < 3; ++y)
+            for (int z = 0; z < 3; ++z) active.push_back({{x, y, z}, all});
+    Similarity turned;
+    turned.scale = 2;
+    turned.rotation = Eigen::AngleAxisd(0.9, Vec3d(1, 2, -2).normalized()).toRotationMatrix();
+    turned.translation = Vec3d(5, 0, -1);
+    for (const bool is_turned : {false, true}) {
+        Volume volume(active, {Vec3d::Constant(-1.15), 0.1});  // centre at the world's origin
+        for (std::size_t leaf = 0; leaf < volume.topology().leafCount(); ++leaf)
+            forEachBit(volume.active()[leaf], [&](int offset) {
+                const Vec3i at = test::givenVoxel(volume, leaf, offset);
+                volume.sigma()[leaf * kLeafVoxels + offset] = static_cast<float>(200 * std::max(at.x() - 4, 0));
+            });
+        const Similarity placement = is_turned ? turned : Similarity{};
+        volume.place(placement);
+        // Looks along the slope, from 4 units before the voxel where it begins.
+        const double first = -1.15 + 0.4;
+        const Camera camera =
+            placement.apply(lookAt(Vec3d(first - 4, 0.01, 0.02), Vec3d(0, 0.01, 0.02), Vec3d::UnitZ(), 0.02, 5, 5));
+        VolumeRenderOptions options;
+        options.normals = true;
+        options.step_voxels = 0.05f;
+        const RenderedImage picture = VolumeRenderer(volume, options).render(camera);
+        // sigma = 2000 s at s units behind the beginning: exp(-1000 s^2) of the light is left, whose mean s is
+        // sqrt(pi / 1000) / 2.
+        const double depth = 4 + std::sqrt(std::numbers::pi / 1000) / 2;
+        const Vec3d normal = placement.rotation * -Vec3d::UnitX();
+        for (int i = 0; i < 25; ++i) {
+            CHECK(picture.opacity.pixels[i] == Approx(1).margin(1e-4));
+            CHECK(picture.depth.pixels[i] == Approx(placement.scale * depth).margin(placement.scale * 1e-3));
+            for (int axis = 0; axis < 3; ++axis)
+                CHECK(picture.normal.pixels[3 * i + axis] == Approx(normal[axis]).margin(1e-4));
+        }
+    }
+}
+
+TEST_CASE("pictures of a volume are the same bits on 1, 2 and 4 threads") {
+    const Volume volume = test::randomVolume();
+    const Camera camera = lookAt(Vec3d(4, 3, 5), Vec3d(0.5, -0.5, 3.2), Vec3d::UnitZ(), 0.8, 70, 50);
+    VolumeRenderOptions options;
+    options.normals = true;
+    const auto rendered = [&](int threads) {
+        const ThreadLimit limit(threads);
+        return VolumeRenderer(volume, options).render(camera);
+    };
+    const RenderedImage one = rendered(1);
+    for (const int threads : {2, 4}) {
+        const RenderedImage many = rendered(threads);
+        CHECK(many.rgb.pixels == one.rgb.pixels);
+        CHECK(many.depth.pixels == one.depth.pixels);
+        CHECK(many.normal.pixels == one.normal.pixels);
+    }
+}
+
+TEST_CASE("a volume's light beyond white is clipped after it was added up, not before") {
+    // Emission of 4 behind an opacity of one eighth: half of white, where a clipped colour would give an eighth.
+    std::vector<Topology::LeafCells> active{{Vec3i::Zero(), {}}};
+    active[0].cells.fill(~std::uint64_t{0});
+    Volume volume(active, {Vec3d::Constant(-3.5), 1});
+    for (std::size_t leaf = 0; leaf < volume.topology().leafCount(); ++leaf)
+        forEachBit(volume.topology().voxels()[leaf], [&](int offset) {
+            const std::size_t i = leaf * kLeafVoxels + offset;
+            // Trilinear to zero beyond both faces: eight voxels' worth along any axis.
+            if (testBit(volume.active()[leaf], offset)) volume.sigma()[i] = static_cast<float>(-std::log(0.875) / 8);
+            for (int c = 0; c < 3; ++c) volume.color()[i * Volume::kChannels + c] = 4;
+        });
+    VolumeRenderOptions options;
+    options.background = Vec3f::Zero();
+    const RenderedImage picture =
+        VolumeRenderer(volume, options).render(lookAt(Vec3d(9, 0, 0), Vec3d::Zero(), Vec3d::UnitZ(), 0.01, 3, 3));
+    CHECK(*picture.opacity.at(1, 1) == Approx(0.125).margin(1e-4));
+    for (int c = 0; c < 3; ++c) CHECK(picture.rgb.at(1, 1)[c] == Approx(srgbFromLinear(0.5f)).margin(1e-3));
 }
 
 TEST_CASE("nothing shows the background, exactly") {

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vdb/volume.h"
 
+#include <set>
+#include <tuple>
+
 #include "core/error.h"
 #include "core/metrics.h"
 #include "tests/support/catch.h"
@@ -48,7 +51,50 @@ TEST_CASE("an empty volume is empty, and one spread over the world is refused") 
     Topology::LeafCells here{Vec3i::Zero(), {}}, there{Vec3i(1 << 20, 1 << 20, 1 << 20), {}};
     setBit(here.cells, 0);
     setBit(there.cells, 0);
+    CHECK_THROWS_WITH(Volume(std::vector{here, there}, {}),
+                      Catch::Contains("1048579 x 1048579 x 1048579 leaves") && Catch::Contains("2^28"));
+    there.leaf = Vec3i(1 << 28, 0, 0);  // a box of a few leaves across, as long as OpenVDB can say
     CHECK_THROWS_AS(Volume(std::vector{here, there}, {}), DataError);
+}
+
+TEST_CASE("cells of a volume are those with an active corner, those of no other, whatever its coordinates") {
+    const Volume volume = test::randomVolume();
+    std::set<std::tuple<int, int, int>> active, cells;
+    const auto collect = [&](std::span<const LeafMask> masks, std::set<std::tuple<int, int, int>>& into) {
+        for (std::size_t leaf = 0; leaf < masks.size(); ++leaf)
+            forEachBit(masks[leaf], [&](int offset) {
+                const Vec3i at = test::givenVoxel(volume, leaf, offset);
+                into.insert({at.x(), at.y(), at.z()});
+            });
+    };
+    collect(volume.active(), active);
+    collect(volume.topology().cells(), cells);
+    int wrong = 0, n_empty = 0;
+    for (int x = -16; x < 16; ++x)
+        for (int y = -12; y < 20; ++y)
+            for (int z = -4; z < 28; ++z) {
+                bool expected = false;
+                for (int n = 0; n < 8; ++n)
+                    expected |= active.contains({x + (n >> 2 & 1), y + (n >> 1 & 1), z + (n & 1)});
+                wrong += cells.contains({x, y, z}) != expected;
+                n_empty += !expected;
+            }
+    CHECK(wrong == 0);
+    CHECK(n_empty > 1000);
+    CHECK(active.size() > 5000);
+}
+
+TEST_CASE("a volume of more leaves than the kernels can number values of is refused", "[slow]") {
+    // One voxel in each third leaf has cells in eight leaves: 81^3 * 8 > 2^22.
+    constexpr int kLeavesPerAxis = 81;
+    std::vector<Topology::LeafCells> active;
+    for (int x = 0; x < kLeavesPerAxis; ++x)
+        for (int y = 0; y < kLeavesPerAxis; ++y)
+            for (int z = 0; z < kLeavesPerAxis; ++z) {
+                active.push_back({3 * Vec3i(x, y, z), {}});
+                setBit(active.back().cells, 0);
+            }
+    CHECK_THROWS_WITH(Volume(active, {}), Catch::Contains("4251528 leaves") && Catch::Contains("at most 2^22"));
 }
 
 TEST_CASE("restricted to some voxels, a volume has their values, and colours around them") {
