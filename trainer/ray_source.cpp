@@ -18,14 +18,20 @@ int tilesAlong(int pixels) { return (pixels + kTilePixels - 1) / kTilePixels; }
 
 void RaySource::update(const VoxelField& field, const Occupancy& occupancy) {
     // A leaf stands for its bounding sphere: 8 voxels plus the upper corners of its last cells.
-    std::vector<Vec3d> centers;
+    struct Sphere {
+        Vec3d center;
+        double radius;
+    };
+    const Shells& shells = field.shells();
+    std::vector<Sphere> spheres;
     for (std::size_t leaf = 0; leaf < occupancy.cells.size(); ++leaf) {
         const LeafMask& cells = occupancy.cells[leaf];
         if (std::all_of(cells.begin(), cells.end(), [](std::uint64_t word) { return word == 0; })) continue;
-        centers.push_back(field.frame().worldFromIndex(
-            (field.topology().leafCoords()[leaf] * kLeafDim).cast<double>() + Vec3d::Constant(0.5 * kLeafDim)));
+        const Vec3i first = field.topology().leafCoords()[leaf] * kLeafDim;
+        const GridFrame frame = shells.frame(field.frame(), shells.shellOf(first.x()));
+        spheres.push_back({frame.worldFromIndex(first.cast<double>() + Vec3d::Constant(0.5 * kLeafDim)),
+                           0.5 * std::sqrt(3.0) * kLeafDim * frame.voxel_size});
     }
-    const double radius = 0.5 * std::sqrt(3.0) * kLeafDim * field.frame().voxel_size;
 
     std::vector<std::vector<Tile>> found(dataset_->views.size());
     parallelFor(found.size(), [&](std::size_t v) {
@@ -33,7 +39,7 @@ void RaySource::update(const VoxelField& field, const Occupancy& occupancy) {
         const int tiles_x = tilesAlong(camera.width), tiles_y = tilesAlong(camera.height);
         std::vector<std::uint8_t> is_live(static_cast<std::size_t>(tiles_x) * tiles_y, 0);
         bool all = false;
-        for (const Vec3d& center : centers) {
+        for (const auto& [center, radius] : spheres) {
             const double depth = -camera.world_from_camera.col(2).dot(center - camera.position);
             if (depth < -radius) continue;
             const std::optional<Vec2d> pixel = depth > 1.5 * radius ? projectPoint(camera, center) : std::nullopt;

@@ -102,14 +102,16 @@ void copyValues(const Topology& from, const Topology& to, int channels, std::spa
 VoxelField refineField(const VoxelField& field, Topology fine) {
     GridFrame frame = field.frame();
     frame.voxel_size *= 0.5;
-    VoxelField result(std::move(fine), frame, field.channels(), field.densityScale());
+    Shells shells = field.shells().subdivided();
+    if (shells.count == 1) shells.extent = fine.dims() - Vec3i::Ones();
+    VoxelField result(std::move(fine), frame, shells, field.channels(), field.densityScale());
     refineValues(field.topology(), result.topology(), 1, field.density(), result.density());
     refineValues(field.topology(), result.topology(), field.channels(), field.features(), result.features());
     return result;
 }
 
 VoxelField copyField(const VoxelField& field, Topology to) {
-    VoxelField result(std::move(to), field.frame(), field.channels(), field.densityScale());
+    VoxelField result(std::move(to), field.frame(), field.shells(), field.channels(), field.densityScale());
     copyValues(field.topology(), result.topology(), 1, field.density(), result.density());
     copyValues(field.topology(), result.topology(), field.channels(), field.features(), result.features());
     return result;

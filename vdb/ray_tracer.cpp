@@ -2,7 +2,9 @@
 #include "vdb/ray_tracer.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 
 namespace nerfvdb {
 namespace {
@@ -12,13 +14,12 @@ constexpr int kSamplesPerRound = 8;  // a ray that turns opaque has looked at mo
 }  // namespace
 
 TraceScene::TraceScene(const VoxelField& field, const Occupancy& occupancy)
-    : bricks(bricksOf(field, occupancy)), frame(field.frame()),
-      box_max((field.topology().dims() - Vec3i::Ones()).cast<double>()), density_scale(field.densityScale()),
-      holds_sigma(false) {}
+    : bricks(bricksOf(field, occupancy)), frame(field.frame()), shells(field.shells()),
+      density_scale(field.densityScale()), holds_sigma(false) {}
 
 TraceScene::TraceScene(const Volume& volume, const Occupancy& occupancy)
     : bricks(bricksOf(volume.topology(), occupancy)), frame(volume.frame()),
-      box_max((volume.topology().dims() - Vec3i::Ones()).cast<double>()), density_scale(1), holds_sigma(true) {
+      shells{1, volume.topology().dims() - Vec3i::Ones(), 0}, density_scale(1), holds_sigma(true) {
     bricks.density = volume.sigma().data();
     bricks.features = volume.color().data();
     bricks.channels = Volume::kChannels;
@@ -43,46 +44,101 @@ void KeptSamples::reserve(std::size_t size) {
 
 RayTracer::RayTracer(int max_rays) {
     const std::size_t rays = static_cast<std::size_t>(max_rays + kPadding);
-    for (auto* array : {&ox_, &oy_, &oz_, &dx_, &dy_, &dz_, &length_, &offset_, &entry_, &transmittance_, &dropped_})
-        array->resize(rays);
+    for (auto* array : {&entry_, &transmittance_, &dropped_}) array->resize(rays);
     directions_.resize(3 * rays);
-    for (auto* array : {&next_, &alive_, &begin_}) array->resize(rays + 1);
+    has_met_.resize(rays);
+    for (auto* array : {&alive_, &begin_, &first_stretch_}) array->resize(rays + 1);
     const std::size_t samples = rays * (kSamplesPerRound + kPadding) + kPadding;
     for (auto* array : {&leaf_, &cell_}) array->resize(samples);
     for (auto* array : {&x_, &y_, &z_, &t_, &raw_, &tau_, &alpha_, &decay_}) array->resize(samples);
 }
 
-void RayTracer::addRay(const TraceScene& scene, const Ray& ray, float step_voxels, float jitter) {
-    const Vec3d origin = scene.frame.indexFromWorld(ray.origin);
-    double t_enter = 0, t_leave = std::numeric_limits<double>::infinity();
+namespace {
+
+/// Where a line is inside a box, as distances along it.
+struct Interval {
+    double begin = 0, end = std::numeric_limits<double>::infinity();
+    bool isEmpty() const { return !(end > begin && std::isfinite(end)); }
+};
+
+Interval insideBox(const Vec3d& low, const Vec3d& high, const Vec3d& origin, const Vec3d& direction) {
+    Interval inside;
     for (int axis = 0; axis < 3; ++axis) {
         // A ray parallel to a face divides by zero: the infinities order themselves. One that runs in a face is
         // 0 / 0 there: on the lower face NaN loses every comparison and the other axes decide; on the upper face,
         // behind which no cell lies, the ray misses.
-        const double inverse = 1.0 / ray.direction[axis];
-        const double a = (0.0 - origin[axis]) * inverse, b = (scene.box_max[axis] - origin[axis]) * inverse;
-        t_enter = std::max(t_enter, std::min(a, b));
-        t_leave = std::min(t_leave, std::max(a, b));
+        const double inverse = 1.0 / direction[axis];
+        const double a = (low[axis] - origin[axis]) * inverse, b = (high[axis] - origin[axis]) * inverse;
+        inside.begin = std::max(inside.begin, std::min(a, b));
+        inside.end = std::min(inside.end, std::max(a, b));
     }
+    return inside;
+}
+
+}  // namespace
+
+void RayTracer::addRay(const TraceScene& scene, const Ray& ray, float step_voxels, float jitter) {
+    const Vec3d origin = scene.frame.indexFromWorld(ray.origin);
     const int r = n_rays_++;
-    const bool hits = t_leave > t_enter && std::isfinite(t_leave);
-    const Vec3d entry = origin + ray.direction * (hits ? t_enter : 0.0);
-    ox_[r] = static_cast<float>(entry.x()), dx_[r] = static_cast<float>(ray.direction.x());
-    oy_[r] = static_cast<float>(entry.y()), dy_[r] = static_cast<float>(ray.direction.y());
-    oz_[r] = static_cast<float>(entry.z()), dz_[r] = static_cast<float>(ray.direction.z());
-    length_[r] = hits ? static_cast<float>(t_leave - t_enter) : 0.0f;
-    entry_[r] = hits ? static_cast<float>(t_enter) : 0.0f;
-    offset_[r] = jitter * step_voxels;
+    if (r == 0) n_stretches_ = 0;
     for (int axis = 0; axis < 3; ++axis) directions_[3 * r + axis] = static_cast<float>(ray.direction[axis]);
-    counters_.samples_dense += static_cast<std::uint64_t>(length_[r] / step_voxels);
+    entry_[r] = 0;
+    first_stretch_[r] = n_stretches_;
+
+    // The boxes lie inside each other: a ray enters them from the outside in and leaves them from the inside out.
+    const Vec3d extent = scene.shells.extent.cast<double>(), center = 0.5 * extent;
+    std::array<Interval, kMaxShells> inside;
+    int innermost = scene.shells.count;
+    for (int shell = scene.shells.count - 1; shell >= 0; --shell) {
+        const Vec3d half = Shells::scale(shell) * center;
+        inside[shell] = insideBox(center - half, center + half, origin, ray.direction);
+        if (inside[shell].isEmpty()) break;
+        innermost = shell;
+    }
+    const int outermost = scene.shells.count - 1;
+    if (innermost <= outermost) {
+        const double t_entry = inside[outermost].begin;
+        entry_[r] = static_cast<float>(t_entry);
+        const auto add = [&](int shell, double t_begin, double t_end) {
+            if (t_end > t_begin)
+                addStretch(scene, shell, origin, ray.direction, t_begin, t_end, t_entry, jitter * step_voxels);
+        };
+        for (int shell = outermost; shell > innermost; --shell) add(shell, inside[shell].begin, inside[shell - 1].begin);
+        add(innermost, inside[innermost].begin, inside[innermost].end);
+        for (int shell = innermost + 1; shell <= outermost; ++shell) add(shell, inside[shell - 1].end, inside[shell].end);
+    }
+    first_stretch_[r + 1] = n_stretches_;
+    for (int s = first_stretch_[r]; s < n_stretches_; ++s)
+        counters_.samples_dense += static_cast<std::uint64_t>(length_[s] / step_voxels);
+}
+
+void RayTracer::addStretch(const TraceScene& scene, int shell, const Vec3d& origin, const Vec3d& direction,
+                           double t_begin, double t_end, double t_entry, float offset) {
+    const auto s = static_cast<std::size_t>(n_stretches_++);
+    if (ox_.size() < s + 1 + kPadding) {
+        const std::size_t size = (s + 1 + kPadding) * 3 / 2;
+        for (auto* array : {&ox_, &oy_, &oz_, &dx_, &dy_, &dz_, &length_, &offset_, &scale_, &t_begin_})
+            array->resize(size);
+        for (auto* array : {&next_, &ray_}) array->resize(size);
+    }
+    const double scale = Shells::scale(shell);
+    const Vec3d entry = scene.shells.fromInner(shell, origin + direction * t_begin);
+    ox_[s] = static_cast<float>(entry.x()), dx_[s] = static_cast<float>(direction.x());
+    oy_[s] = static_cast<float>(entry.y()), dy_[s] = static_cast<float>(direction.y());
+    oz_[s] = static_cast<float>(entry.z()), dz_[s] = static_cast<float>(direction.z());
+    length_[s] = static_cast<float>((t_end - t_begin) / scale);
+    offset_[s] = offset;
+    scale_[s] = static_cast<float>(scale);
+    t_begin_[s] = static_cast<float>(t_begin - t_entry);
+    ray_[s] = n_rays_ - 1;
 }
 
 void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, KeptSamples& kept) {
     const int channels = scene.bricks.channels;
     tau_scale_ =
         static_cast<float>(scene.density_scale * scene.frame.voxel_size * static_cast<double>(options.step_voxels));
-    const RayTile rays{n_rays_, ox_.data(), oy_.data(), oz_.data(), dx_.data(), dy_.data(), dz_.data(),
-                       length_.data(), offset_.data(), next_.data()};
+    const RayTile stretches{n_stretches_,  ox_.data(), oy_.data(),     oz_.data(),     dx_.data(),   dy_.data(), dz_.data(),
+                            length_.data(), offset_.data(), next_.data()};
     const SampleArrays samples{leaf_.data(), cell_.data(), x_.data(), y_.data(), z_.data(), t_.data()};
 
     kept.n = 0;
@@ -90,12 +146,13 @@ void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, Kept
     for (int r = 0; r < n_rays_; ++r) {
         transmittance_[r] = 1;
         dropped_[r] = 0;
-        next_[r] = 0;
-        alive_[n_alive++] = r;
+        has_met_[r] = 0;
+        if (first_stretch_[r] < first_stretch_[r + 1]) alive_[n_alive++] = first_stretch_[r];
     }
+    std::fill_n(next_.begin(), n_stretches_, 0);
     counters_.rays += static_cast<std::uint64_t>(n_rays_);
-    for (bool first_round = true; n_alive > 0; first_round = false) {
-        const int n = simd::marchRays(scene.bricks, rays, options.step_voxels, kSamplesPerRound, alive_.data(),
+    while (n_alive > 0) {
+        const int n = simd::marchRays(scene.bricks, stretches, options.step_voxels, kSamplesPerRound, alive_.data(),
                                       n_alive, begin_.data(), samples);
         if (scene.holds_sigma)
             simd::sigmaForward(scene.bricks, n, samples, tau_scale_, tau_.data(), alpha_.data(), decay_.data());
@@ -107,7 +164,7 @@ void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, Kept
 
         int n_left = 0, k = kept.n;
         for (int a = 0; a < n_alive; ++a) {
-            const int r = alive_[a];
+            const int s = alive_[a], r = ray_[s];
             CompositeRay light{transmittance_[r]};
             float dropped = dropped_[r];
             for (int i = begin_[a]; i < begin_[a + 1] && light.transmittance >= options.stop_transmittance; ++i) {
@@ -117,17 +174,22 @@ void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, Kept
                     continue;
                 }
                 kept.leaf[k] = leaf_[i], kept.cell[k] = cell_[i], kept.ray[k] = r;
-                kept.x[k] = x_[i], kept.y[k] = y_[i], kept.z[k] = z_[i], kept.t[k] = t_[i];
+                kept.x[k] = x_[i], kept.y[k] = y_[i], kept.z[k] = z_[i];
+                kept.t[k] = t_begin_[s] + scale_[s] * t_[i];
                 kept.weight[k] = weight, kept.tau[k] = tau_[i], kept.transmittance[k] = light.transmittance;
                 ++k;
             }
             transmittance_[r] = light.transmittance, dropped_[r] = dropped;
-            counters_.rays_skipped += first_round && begin_[a] == begin_[a + 1];
-            if (next_[r] >= 0 && light.transmittance >= options.stop_transmittance) alive_[n_left++] = r;
+            has_met_[r] |= begin_[a] < begin_[a + 1];
+            if (light.transmittance < options.stop_transmittance) continue;
+            if (next_[s] >= 0) alive_[n_left++] = s;
+            else if (s + 1 < first_stretch_[r + 1]) alive_[n_left++] = s + 1;
         }
         kept.n = k;
         n_alive = n_left;
     }
+    counters_.rays_skipped +=
+        static_cast<std::uint64_t>(std::count(has_met_.begin(), has_met_.begin() + n_rays_, std::uint8_t{0}));
 
     // Marked in begin_, which the rounds are done with.
     std::fill_n(begin_.begin(), n_rays_, 0);
@@ -170,9 +232,15 @@ void RayTracer::addFeatureSlopes(int channels, float* dl_dray_features, const Ke
     for (int i = 0; i < kept.n; ++i) slope_[i] -= mean_slope_[kept.ray[i]];
 }
 
-void RayTracer::addDistortionSlopes(float per_voxel, float dl_ddistortion, const KeptSamples& kept) {
+void RayTracer::addDistortionSlopes(const TraceScene& scene, float dl_ddistortion, const KeptSamples& kept) {
+    const auto side = static_cast<float>(scene.shells.extent.maxCoeff());
+    const auto distance = [side](float t) { return t <= side ? t / side : 1 + std::log(t / side); };
     spread_.assign(static_cast<std::size_t>(n_rays_), {});
-    for (int i = 0; i < kept.n; ++i) spread_[kept.ray[i]].add(kept.weight[i], kept.t[i] * per_voxel);
+    distances_.resize(static_cast<std::size_t>(kept.n));
+    for (int i = 0; i < kept.n; ++i) {
+        distances_[i] = distance(kept.t[i]);
+        spread_[kept.ray[i]].add(kept.weight[i], distances_[i]);
+    }
     distortion_ = 0;
     spread_backward_.clear();
     for (const DistortionRay& ray : spread_) {
@@ -180,7 +248,7 @@ void RayTracer::addDistortionSlopes(float per_voxel, float dl_ddistortion, const
         spread_backward_.emplace_back(ray);
     }
     for (int i = kept.n; i-- > 0;)
-        slope_[i] += dl_ddistortion * spread_backward_[kept.ray[i]].add(kept.weight[i], kept.t[i] * per_voxel);
+        slope_[i] += dl_ddistortion * spread_backward_[kept.ray[i]].add(kept.weight[i], distances_[i]);
 }
 
 void RayTracer::traceBackward(const TraceScene& scene, float* dl_dray_features, const float* dl_dtransmittance,
@@ -188,7 +256,7 @@ void RayTracer::traceBackward(const TraceScene& scene, float* dl_dray_features, 
     if (slope_.size() < static_cast<std::size_t>(kept.n + kPadding))
         slope_.resize(static_cast<std::size_t>(kept.n + kPadding) * 3 / 2);
     addFeatureSlopes(scene.bricks.channels, dl_dray_features, kept);
-    addDistortionSlopes(1 / static_cast<float>(scene.box_max.maxCoeff()), dl_ddistortion, kept);
+    addDistortionSlopes(scene, dl_ddistortion, kept);
     behind_.clear();
     for (int r = 0; r < n_rays_; ++r) behind_.emplace_back(transmittance_[r], dl_dtransmittance[r]);
     for (int i = kept.n; i-- > 0;) {

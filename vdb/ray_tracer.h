@@ -35,8 +35,8 @@ struct TraceScene {
     /// Rays are in the volume's own frame (Volume::worldFromGrid is left to the caller); features are colours.
     TraceScene(const Volume& volume, const Occupancy& occupancy);
     Bricks bricks;
-    GridFrame frame;
-    Vec3d box_max;        // index space; the box begins at 0
+    GridFrame frame;      // of shell 0
+    Shells shells;
     double density_scale;
     bool holds_sigma;     // the bricks hold sigma itself, not its logarithm
 };
@@ -55,7 +55,8 @@ struct TraceCounters {
 struct KeptSamples {
     int n = 0;
     std::vector<std::int32_t> leaf, cell, ray;
-    std::vector<float> x, y, z, t;          // as in SampleArrays
+    std::vector<float> x, y, z;             // as in SampleArrays
+    std::vector<float> t;                   // distance from where the ray enters the scene, voxels of shell 0
     std::vector<float> weight, tau;
     std::vector<float> transmittance;       // behind the sample, T_{i+1}
     std::vector<float> dl_draw;             // of raw density, or of sigma; filled by traceBackward
@@ -72,7 +73,7 @@ public:
 
     /// Starts a new tile.
     void clear() { n_rays_ = 0; }
-    /// Adds a ray (world space); its first sample lies `jitter` steps (0..1) behind the entry into the box.
+    /// Adds a ray (world space); its first sample lies `jitter` steps (0..1) behind the entry into each shell.
     void addRay(const TraceScene& scene, const Ray& ray, float step_voxels, float jitter);
     int rayCount() const { return n_rays_; }
 
@@ -81,7 +82,7 @@ public:
 
     /// Gradient of the kept samples' interpolated densities (kept.dl_draw), given dl_dF [ray][channels] and dl_dT_end [ray]:
     /// CompositeRayBackward with dl_dw_i = (f_i - F) . dl_dF / W + dl_dD dD_dw_i, where D is the ray's distortion,
-    /// distances in the box's longest side. The gradient of features is linear and left to leaf_scatter.h:
+    /// distances in the (inner) box's longest side, beyond which they grow with the logarithm. The gradient of features is linear and left to leaf_scatter.h:
     /// dl_df_i = w_i (dl_dF / W). For it, dl_dray_features holds dl_dF / W afterwards.
     void traceBackward(const TraceScene& scene, float* dl_dray_features, const float* dl_dtransmittance,
                        float dl_ddistortion, KeptSamples& kept);
@@ -94,7 +95,7 @@ public:
     float* rayFeatures() { return ray_features_.data(); }                 // [ray][channels] F, 0 if nothing was kept
     const float* weight() const { return weight_.data(); }                // [ray] W
     const float* directions() const { return directions_.data(); }        // [ray][3] unit, world
-    /// Distance from the camera to the ray's entry into the box, voxels; add KeptSamples::t. [ray]
+    /// Distance from the camera to the ray's entry into the scene, voxels of shell 0; add KeptSamples::t. [ray]
     const float* entry() const { return entry_.data(); }
     const TraceCounters& counters() const { return counters_; }
     void resetCounters() { counters_ = {}; }
@@ -102,15 +103,25 @@ public:
 private:
     void averageFeatures(int channels, const KeptSamples& kept);
     void addFeatureSlopes(int channels, float* dl_dray_features, const KeptSamples& kept);
-    void addDistortionSlopes(float per_voxel, float dl_ddistortion, const KeptSamples& kept);
+    void addDistortionSlopes(const TraceScene& scene, float dl_ddistortion, const KeptSamples& kept);
+
+    void addStretch(const TraceScene& scene, int shell, const Vec3d& origin, const Vec3d& direction, double t_begin,
+                    double t_end, double t_entry, float offset);
 
     int n_rays_ = 0;
-    std::vector<float> ox_, oy_, oz_, dx_, dy_, dz_, length_, offset_, entry_, directions_;
-    std::vector<std::int32_t> next_, alive_, begin_, lit_;
+    // A ray goes in stretches, each straight through one shell in that shell's index space; [stretch] ...
+    int n_stretches_ = 0;
+    std::vector<float> ox_, oy_, oz_, dx_, dy_, dz_, length_, offset_;
+    std::vector<float> scale_, t_begin_;              // distance on the ray = t_begin + scale * distance in the shell
+    std::vector<std::int32_t> next_, ray_;
+    std::vector<std::int32_t> first_stretch_;         // ... [ray + 1]
+    std::vector<float> entry_, directions_;
+    std::vector<std::int32_t> alive_, begin_, lit_;
+    std::vector<std::uint8_t> has_met_;               // [ray] an occupied cell
     std::vector<float> transmittance_, dropped_, ray_features_, weight_, inverse_weight_;
     std::vector<std::int32_t> leaf_, cell_;
     std::vector<float> x_, y_, z_, t_, raw_, tau_, alpha_, decay_;
-    std::vector<float> features_, slope_, mean_slope_;
+    std::vector<float> features_, slope_, mean_slope_, distances_;
     std::vector<CompositeRayBackward> behind_;
     std::vector<DistortionRay> spread_;
     std::vector<DistortionRayBackward> spread_backward_;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A sparse field of learned values: density and a few feature channels per voxel, in leaf bricks beside the
-// topology. One voxel size; nested levels are several fields.
+// topology. A box of one voxel size, or nested shells of growing ones (shells.h).
 #pragma once
 
 #include <cmath>
@@ -9,21 +9,13 @@
 
 #include "core/huge_array.h"
 #include "core/types.h"
+#include "vdb/shells.h"
 #include "vdb/topology.h"
 
 namespace nerfvdb {
 
 /// World units. OpenVDB refuses a transform whose voxel has a volume below 3e-15.
 inline constexpr double kSmallestVoxel = 2e-5;
-
-/// x_in_world = origin + voxel_size * x_in_index. Voxel values sit at integer index coordinates.
-struct GridFrame {
-    Vec3d origin = Vec3d::Zero();
-    double voxel_size = 1.0;  // world units
-
-    Vec3d worldFromIndex(const Vec3d& index) const { return origin + voxel_size * index; }
-    Vec3d indexFromWorld(const Vec3d& world) const { return (world - origin) / voxel_size; }
-};
 
 inline constexpr float kMaxRaw = 15.0f;     // raw density is clamped here before exp
 inline constexpr float kEmptyRaw = -20.0f;  // raw density of a voxel that holds nothing
@@ -35,19 +27,29 @@ inline float sigmaFromRaw(float raw, double density_scale) {
 }
 
 /// Values at voxel corners, trilinear between them (raw density is interpolated before its activation).
+/// Raw density means the same light lost over a voxel in every shell: shell k has density_scale / 2^k.
 /// Voxels that are no corner of a cell that exists hold kEmptyRaw and zeros, and are never read.
 class VoxelField {
 public:
     VoxelField() = default;
-    /// All densities kEmptyRaw, all features zero.
+    /// All densities kEmptyRaw, all features zero. One box.
     VoxelField(Topology topology, const GridFrame& frame, int channels, double density_scale)
-        : topology_(std::move(topology)), frame_(frame), channels_(channels), density_scale_(density_scale),
+        : VoxelField(std::move(topology), frame, {}, channels, density_scale) {
+        shells_.extent = topology_.dims() - Vec3i::Ones();
+    }
+    /// The same in shells.
+    VoxelField(Topology topology, const GridFrame& frame, const Shells& shells, int channels, double density_scale)
+        : topology_(std::move(topology)), frame_(frame), shells_(shells), channels_(channels),
+          density_scale_(density_scale),
           density_(topology_.leafCount() * kLeafVoxels, kEmptyRaw),
           features_(topology_.leafCount() * kLeafVoxels * static_cast<std::size_t>(channels)) {}
 
     const Topology& topology() const { return topology_; }
+    /// Of shell 0: the inner box.
     const GridFrame& frame() const { return frame_; }
+    const Shells& shells() const { return shells_; }
     int channels() const { return channels_; }
+    /// Of shell 0.
     double densityScale() const { return density_scale_; }
 
     /// [leaf][512] raw density, before the activation.
@@ -57,15 +59,20 @@ public:
     std::span<float> features() { return features_.span(); }
     std::span<const float> features() const { return features_.span(); }
 
-    /// Box of all voxels in world units.
-    Box worldBox() const {
-        return {frame_.origin, frame_.worldFromIndex((topology_.dims() - Vec3i::Ones()).cast<double>())};
+    /// Box of one shell (with what it leaves out) in world units.
+    Box shellBox(int shell) const {
+        const GridFrame frame = shells_.frame(frame_, shell);
+        const Vec3d corner = shells_.corner(shell);
+        return {frame.worldFromIndex(corner), frame.worldFromIndex(corner + shells_.extent.cast<double>())};
     }
+    /// Box of all voxels in world units.
+    Box worldBox() const { return shellBox(shells_.count - 1); }
     std::size_t bytes() const { return topology_.bytes() + density_.bytes() + features_.bytes(); }
 
 private:
     Topology topology_;
     GridFrame frame_;
+    Shells shells_;
     int channels_ = 0;
     double density_scale_ = 1.0;
     HugeArray<float> density_;
