@@ -16,7 +16,7 @@ namespace nerfvdb {
 namespace {
 
 struct TrainWords {
-    std::string data, out, preset, time, steps, background = "auto", max_memory;
+    std::string data, out, preset, time, steps, scene = "auto", background = "auto", max_memory;
     std::vector<double> bounds;
     std::uint64_t seed = TrainOptions{}.seed;
     bool resume = false, strict = false;
@@ -30,7 +30,10 @@ TrainOptions trainOptions(const TrainWords& words) {
                                                                        {"white", BackgroundMode::white},
                                                                        {"black", BackgroundMode::black},
                                                                        {"random", BackgroundMode::random}};
+    static const std::map<std::string, SceneExtent> kExtents = {
+        {"auto", SceneExtent::automatic}, {"box", SceneExtent::box}, {"open", SceneExtent::open}};
     TrainOptions options;
+    options.extent = kExtents.at(words.scene);
     if (!words.preset.empty()) options.preset = kPresets.at(words.preset);
     options.background = kBackgrounds.at(words.background);
     if (!words.time.empty()) options.time_s = parseDuration("--time", words.time);
@@ -43,7 +46,7 @@ TrainOptions trainOptions(const TrainWords& words) {
 
 /// What the checkpoint decides cannot be asked for again.
 void checkResume(const CLI::App& app) {
-    for (const char* option : {"--preset", "--time", "--steps", "--background", "--bounds", "--seed"})
+    for (const char* option : {"--preset", "--time", "--steps", "--scene", "--background", "--bounds", "--seed"})
         if (app.count(option) > 0)
             throw UsageError("--resume", std::string(option) + " too",
                              "plan, seed, background and box to be those of the checkpoint",
@@ -145,12 +148,17 @@ Command addTrain(CLI::App& program) {
     app.add_option("--steps", words->steps,
                    "Number of training steps in all, or of each stage (100,400,2000); overrides --time")
         ->type_name("N");
+    app.add_option("--scene", words->scene,
+                   "box: all of it lies in a box; open: it goes on without bounds, in ever larger voxels, up to a sky; "
+                   "auto: open where photographs have no alpha and neither --bounds nor --background is given [auto]")
+        ->check(CLI::IsMember({"auto", "box", "open"}))
+        ->type_name("EXTENT");
     app.add_option("--background", words->background,
                    "What is behind the scene: white, black, random (learns opacity, shown on white), or auto: random "
                    "where photographs have alpha, else their mean colour [auto]")
         ->check(CLI::IsMember({"auto", "white", "black", "random"}))
         ->type_name("NAME");
-    app.add_option("--bounds", words->bounds, "Box of the scene in world units [from the data]")
+    app.add_option("--bounds", words->bounds, "Box of the scene, or the inner box of an open one, in world units [from the data]")
         ->expected(6)
         ->delimiter(',')
         ->type_name("X0 Y0 Z0 X1 Y1 Z1");
@@ -159,7 +167,7 @@ Command addTrain(CLI::App& program) {
         ->type_name("SIZE");
     app.add_flag("--resume", words->resume,
                  "Continue from the checkpoint beside --out, on the same data. Plan, seed, background and box are "
-                 "those of the checkpoint: no --preset, --time, --steps, --background, --bounds, --seed");
+                 "those of the checkpoint: no --preset, --time, --steps, --scene, --background, --bounds, --seed");
     app.add_flag("--strict", words->strict, "A frame without its image is an error, not a warning");
     app.add_option("--seed", words->seed, "Same seed and --steps, same file, byte for byte [1]")
         ->check(CLI::NonNegativeNumber)

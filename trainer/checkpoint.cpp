@@ -16,7 +16,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "checkpoints are little-endian");
 
-constexpr std::string_view kHead = "nerfvdb-checkpoint 3\n";
+constexpr std::string_view kHead = "nerfvdb-checkpoint 4\n";
 constexpr std::size_t kHashDigits = 32;
 
 /// Visits fields by appending them to a string.
@@ -135,6 +135,7 @@ void visitPlace(Visitor& visit, TrainPlace& place) {
 struct GridFields {
     Vec3i dims;
     Vec3d origin;
+    Shells shells;
     double voxel_size, density_scale;
     int channels, decoder_width;
     std::vector<Vec3i> leaves;
@@ -150,6 +151,9 @@ template <typename Visitor>
 void visitGrid(Visitor& visit, GridFields& grid) {
     visitVector(visit, grid.dims);
     visitVector(visit, grid.origin);
+    visit.value(grid.shells.count);
+    visitVector(visit, grid.shells.extent);
+    visit.value(grid.shells.stride);
     visit.value(grid.voxel_size);
     visit.value(grid.density_scale);
     visit.value(grid.channels);
@@ -165,6 +169,16 @@ void visitGrid(Visitor& visit, GridFields& grid) {
 }
 
 template <typename Visitor>
+void visitSky(Visitor& visit, Sky& sky) {
+    int width = sky.width();
+    visit.value(width);
+    if constexpr (Visitor::kIsReading) sky = width > 0 ? Sky(width, Vec3f::Zero()) : Sky();
+    std::vector<float> values(sky.values().begin(), sky.values().end());
+    visit.values(values);
+    if (values.size() == sky.values().size()) std::copy(values.begin(), values.end(), sky.values().begin());
+}
+
+template <typename Visitor>
 void visitLearner(Visitor& visit, TrainState& state, std::vector<float>& network) {
     visit.values(network);
     visit.values(state.network.first);
@@ -173,6 +187,10 @@ void visitLearner(Visitor& visit, TrainState& state, std::vector<float>& network
     visit.values(state.occupancy.cells);
     visit.values(state.seen);
     visitVector(visit, state.background);
+    visitSky(visit, state.sky);
+    visit.values(state.sky_optimizer.first);
+    visit.values(state.sky_optimizer.second);
+    visit.value(state.sky_optimizer.count);
     visit.value(state.random_background);
     visit.value(state.distortion);
 }
@@ -188,8 +206,8 @@ void saveCheckpoint(const std::filesystem::path& path, const TrainState& state, 
     Writer writer(body);
     TrainPlace place_copy = place;
     visitPlace(writer, place_copy);
-    GridFields grid{topology.dims(), state.field.frame().origin, state.field.frame().voxel_size,
-                    state.field.densityScale(), channels, state.decoder.width(),
+    GridFields grid{topology.dims(), state.field.frame().origin, state.field.shells(),
+                    state.field.frame().voxel_size, state.field.densityScale(), channels, state.decoder.width(),
                     {topology.leafCoords().begin(), topology.leafCoords().end()},
                     {topology.cells().begin(), topology.cells().end()}};
     visitGrid(writer, grid);
@@ -216,7 +234,7 @@ void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainP
     if (!bytes.starts_with(kHead.substr(0, kHead.size() - 2)))
         throw DataError(path.string(), "another kind of file", "a nerfvdb checkpoint", "train without --resume");
     if (!bytes.starts_with(kHead))
-        throw DataError(path.string(), "a checkpoint of another version", "version 3", "train without --resume");
+        throw DataError(path.string(), "a checkpoint of another version", "version 4", "train without --resume");
     const std::size_t begin = kHead.size() + kHashDigits + 1;
     if (bytes.size() < begin ||
         contentHash(std::as_bytes(std::span(bytes.substr(begin)))) != bytes.substr(kHead.size(), kHashDigits))
@@ -233,7 +251,7 @@ void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainP
     GridFrame frame;
     frame.origin = grid.origin;
     frame.voxel_size = grid.voxel_size;
-    state.field = VoxelField(Topology(grid.dims, leaves), frame, grid.channels, grid.density_scale);
+    state.field = VoxelField(Topology(grid.dims, leaves), frame, grid.shells, grid.channels, grid.density_scale);
     state.decoder = Decoder(grid.channels, place.seed, grid.decoder_width);
     std::vector<float> network;
     visitLearner(reader, state, network);

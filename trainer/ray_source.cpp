@@ -66,6 +66,15 @@ void RaySource::update(const VoxelField& field, const Occupancy& occupancy) {
     for (const std::vector<Tile>& tiles : found) tiles_.insert(tiles_.end(), tiles.begin(), tiles.end());
 }
 
+void RaySource::useAll() {
+    tiles_.clear();
+    for (std::size_t v = 0; v < dataset_->views.size(); ++v)
+        for (int y = 0; y < tilesAlong(dataset_->views[v].camera.height); ++y)
+            for (int x = 0; x < tilesAlong(dataset_->views[v].camera.width); ++x)
+                tiles_.push_back({static_cast<std::uint16_t>(v), static_cast<std::uint16_t>(x),
+                                  static_cast<std::uint16_t>(y)});
+}
+
 RaySource::Pick RaySource::pick(std::uint64_t step, std::uint64_t index) const {
     const std::uint64_t bits = randomBits(seed_, step, index);
     const Tile& tile = tiles_[(bits >> 32) * tiles_.size() >> 32];

@@ -28,6 +28,9 @@ public:
     /// Finds the pixel tiles that occupied leaves project to; all others can only show the background.
     void update(const VoxelField& field, const Occupancy& occupancy);
 
+    /// Takes all pixel tiles.
+    void useAll();
+
     TrainingRay draw(std::uint64_t step, std::uint64_t index) const;
     /// Sends for the pixel that draw will read; photographs lie in main memory, and any of them may be next.
     void prefetch(std::uint64_t step, std::uint64_t index) const;

@@ -85,8 +85,51 @@ BoxGrid gridOver(const Box& box, int resolution) {
     }
     const Vec3d covered = grid.frame.voxel_size * (grid.dims - Vec3i::Ones()).cast<double>();
     grid.frame.origin = box.center() - 0.5 * covered;
+    grid.shells.extent = grid.dims - Vec3i::Ones();
     return grid;
 }
+
+BoxGrid gridAround(const Box& box, int resolution, int shells) {
+    constexpr int kMultiple = 8;  // what a shell leaves out ends between its cells, now and at every finer voxel size
+    constexpr int kGap = 16;      // between shells: a leaf of a model's preview
+    BoxGrid grid;
+    const Vec3d size = box.size();
+    grid.frame.voxel_size = size.maxCoeff() / resolution;
+    for (int axis = 0; axis < 3; ++axis)
+        grid.shells.extent[axis] =
+            static_cast<int>(std::ceil(size[axis] / grid.frame.voxel_size / kMultiple - 1e-6)) * kMultiple;
+    grid.shells.count = shells;
+    grid.shells.stride = (grid.shells.extent.x() + 2 * kGap - 1) / kGap * kGap;
+    grid.dims = grid.shells.extent + Vec3i::Constant(kLeafDim);
+    grid.dims.x() = shells * grid.shells.stride;
+    grid.frame.origin = box.center() - 0.5 * grid.frame.voxel_size * grid.shells.extent.cast<double>();
+    return grid;
+}
+
+namespace {
+
+/// Whether a cell of shells exists at all: inside its shell's box and outside what the next smaller one covers.
+bool isOwnCell(const Shells& shells, int shell, const Vec3i& cell) {
+    const Vec3i local = cell - Vec3i(shell * shells.stride, 0, 0);
+    if ((local.array() < 0).any() || (local.array() >= shells.extent.array()).any()) return false;
+    const Vec3i hole = shells.extent / 4;
+    return shell == 0 || (local.array() < hole.array()).any() || (local.array() >= 3 * hole.array()).any();
+}
+
+/// Whether so many cameras have a point in their picture, and none stands next to it.
+bool isInViewOf(const Dataset& dataset, std::size_t min_views, const Vec3d& point, double nearest) {
+    std::size_t n_seen = 0;
+    for (const View& view : dataset.views) {
+        const Camera& camera = view.camera;
+        if ((point - camera.position).squaredNorm() < nearest * nearest) return false;
+        if (n_seen >= min_views) continue;
+        const std::optional<Vec2d> pixel = projectPoint(camera, point);
+        n_seen += pixel && pixel->x() >= 0 && pixel->y() >= 0 && pixel->x() < camera.width && pixel->y() < camera.height;
+    }
+    return n_seen >= min_views;
+}
+
+}  // namespace
 
 std::vector<Topology::LeafCells> possibleCells(const Dataset& dataset, const BoxGrid& grid,
                                                std::size_t min_views) {
@@ -97,16 +140,24 @@ std::vector<Topology::LeafCells> possibleCells(const Dataset& dataset, const Box
         for (auto& table : tables) alpha.push_back(std::move(*table));
     }
     const double radius = 0.5 * std::sqrt(3.0) * grid.frame.voxel_size;
+    constexpr double kCarved = 0.01;  // of the inner box's longest side, around each camera
+    const double nearest = kCarved * grid.frame.voxel_size * grid.shells.extent.maxCoeff();
     const Vec3i leaves = grid.dims / kLeafDim;
     std::vector<Topology::LeafCells> cells(static_cast<std::size_t>(leaves.prod()));
     parallelFor(cells.size(), [&](std::size_t n) {
         const int i = static_cast<int>(n);
         cells[n].leaf = Vec3i(i / (leaves.y() * leaves.z()), i / leaves.z() % leaves.y(), i % leaves.z());
         cells[n].cells = {};
+        const int shell = grid.shells.shellOf(cells[n].leaf.x() * kLeafDim);
+        const GridFrame frame = grid.shells.frame(grid.frame, shell);
         for (int offset = 0; offset < kLeafVoxels; ++offset) {
             const Vec3i cell = cells[n].leaf * kLeafDim + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
-            if ((cell.array() >= grid.dims.array() - 1).any()) continue;
-            const Vec3d center = grid.frame.worldFromIndex(cell.cast<double>() + Vec3d::Constant(0.5));
+            if (!isOwnCell(grid.shells, shell, cell)) continue;
+            const Vec3d center = frame.worldFromIndex(cell.cast<double>() + Vec3d::Constant(0.5));
+            if (grid.shells.count > 1) {
+                if (isInViewOf(dataset, min_views, center, nearest)) setBit(cells[n].cells, offset);
+                continue;
+            }
             std::size_t n_seen = 0;
             bool is_empty = false;
             for (std::size_t v = 0; v < dataset.views.size() && !is_empty; ++v) {
@@ -170,6 +221,44 @@ Box findSceneBox(const Dataset& dataset, const std::optional<Box>& given) {
         box = boundsOf(grid, cells);
     }
     return box;
+}
+
+SceneShells findSceneShells(const Dataset& dataset, const std::optional<Box>& given) {
+    const Vec3d focus = commonFocus(dataset);
+    Box cameras{Vec3d::Constant(std::numeric_limits<double>::infinity()),
+                Vec3d::Constant(-std::numeric_limits<double>::infinity())};
+    std::vector<double> distances, focal_lengths;
+    std::size_t n_inward = 0;
+    for (const View& view : dataset.views) {
+        cameras.min = cameras.min.cwiseMin(view.camera.position);
+        cameras.max = cameras.max.cwiseMax(view.camera.position);
+        const Vec3d to_focus = focus - view.camera.position;
+        distances.push_back(to_focus.norm());
+        focal_lengths.push_back(view.camera.fx);
+        n_inward += -view.camera.world_from_camera.col(2).dot(to_focus) > 0;
+    }
+    const auto median = [](std::vector<double>& values) {
+        std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
+        return values[values.size() / 2];
+    };
+    const double distance = median(distances), focal_length = median(focal_lengths);
+    const double spread = cameras.size().norm();
+
+    SceneShells scene;
+    constexpr double kInward = 0.9;  // of the cameras: they look at something in their middle
+    const bool is_inward = static_cast<double>(n_inward) >= kInward * static_cast<double>(dataset.views.size());
+    if (given) scene.inner = findSceneBox(dataset, given);
+    else if (is_inward && distance > 0) scene.inner = cubeAround(focus, 0.5 * distance);
+    else {
+        const double margin = 0.1 * cameras.size().maxCoeff();
+        scene.inner = {cameras.min - Vec3d::Constant(margin), cameras.max + Vec3d::Constant(margin)};
+    }
+    constexpr double kFewPixels = 8;
+    constexpr int kMostShells = 8;
+    const double reach = spread * focal_length / kFewPixels, half = 0.5 * scene.inner.size().maxCoeff();
+    scene.count = 1;
+    while (scene.count < kMostShells && half * Shells::scale(scene.count - 1) < reach) ++scene.count;
+    return scene;
 }
 
 }  // namespace nerfvdb

@@ -8,6 +8,11 @@
 #include "core/random.h"
 
 namespace nerfvdb {
+namespace {
+
+constexpr float kLeastSky = 1e-3f;  // rays to which less light comes from the sky say nothing about it
+
+}  // namespace
 
 StepReport TrainStepper::step(TrainState& state, const RaySource& source, std::uint64_t step, int batch,
                               const StepRates& rates, const TraceOptions& trace) {
@@ -26,6 +31,10 @@ StepReport TrainStepper::step(TrainState& state, const RaySource& source, std::u
         for (int word = 0; word < kLeafWords; ++word) state.seen[leaf][word] |= seen[word];
     });
     state.network.step(state.decoder.parameters(), networkGradient(), rates.network);
+    if (!state.sky.isEmpty()) {
+        state.sky_optimizer.step(state.sky.values(), skyGradient(state.sky), rates.sky);
+        state.sky.smooth(rates.sky_smoothing, sky_scratch_);
+    }
     return report;
 }
 
@@ -73,6 +82,13 @@ std::span<const float> TrainStepper::networkGradient() {
     return dl_dnetwork_;
 }
 
+std::span<const float> TrainStepper::skyGradient(const Sky& sky) {
+    dl_dsky_.assign(sky.values().size(), 0.0f);
+    for (std::size_t t = 0; t < n_tiles_; ++t)
+        for (const SkyRay& ray : tiles_[t].sky_rays) sky.backward(ray.direction.data(), ray.dl_dcolor, dl_dsky_);
+    return dl_dsky_;
+}
+
 void TrainStepper::runTile(const TrainState& state, const RaySource& source, std::uint64_t step, int first_ray,
                            int n_rays, const TraceScene& scene, const TraceOptions& trace, Tile& tile,
                            TileGradients& gradients) {
@@ -93,16 +109,21 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
     state.decoder.forward(n_lit, tracer.rayFeatures(), tracer.directions(), tracer.transmittance(), worker.rgb.data(),
                           worker.decoding, lit.data());
 
+    tile.sky_rays.clear();
     tile.report = {};
     tile.report.rays = static_cast<std::uint64_t>(n_rays);
     for (int r = 0; r < n_rays; ++r) {
         const TrainingRay& drawn = worker.rays[r];
         const float transmittance = tracer.transmittance()[r], opacity = 1 - transmittance;
+        const float* const direction = tracer.directions() + 3 * r;
+        const bool sees_sky = !state.sky.isEmpty() && transmittance > kLeastSky;
+        const Vec3f background = sees_sky ? state.sky.at(direction) : state.background;
+        Vec3f dl_dbackground;
         float dl_dtransmittance = 0, error = 0;
         for (int c = 0; c < 3; ++c) {
             const float behind = state.random_background
                                      ? unitFloat(static_cast<std::uint32_t>(mixBits(drawn.bits + c)))
-                                     : state.background[c];
+                                     : background[c];
             const float target = drawn.rgba[c] * drawn.rgba[3] + behind * (1 - drawn.rgba[3]);
             const float color = opacity * worker.rgb[3 * r + c] + transmittance * behind;
             const float difference = color - target;
@@ -110,7 +131,9 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
             error += difference * difference;
             worker.dl_drgb[3 * r + c] = slope * opacity;
             dl_dtransmittance += slope * (behind - worker.rgb[3 * r + c]);
+            dl_dbackground[c] = slope * transmittance;
         }
+        if (sees_sky) tile.sky_rays.push_back({{direction[0], direction[1], direction[2]}, dl_dbackground});
         worker.dl_dtransmittance[r] = dl_dtransmittance;
         tile.report.squared_error += error;
         if (!std::isfinite(error) && tile.report.is_finite) {

@@ -3,6 +3,7 @@
 // The state of a level and everything that a checkpoint must keep.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include "vdb/decoder.h"
 #include "vdb/leaf_scatter.h"
 #include "vdb/ray_tracer.h"
+#include "vdb/sky.h"
 
 namespace nerfvdb {
 
@@ -19,6 +21,8 @@ struct StepRates {
     float density = 0.2f;
     float features = 0.03f;
     float network = 3e-3f;
+    float sky = 0.02f;
+    float sky_smoothing = 1e-3f;  // see Sky::smooth
     float decay = 0.95f;     // of the voxels' second moments
     float epsilon = 1e-4f;   // on gradients summed over the batch
     float sparsity = 0.01f;  // see RmsPropRates: free space becomes empty although no view contradicts its fog ...
@@ -36,6 +40,8 @@ struct TrainState {
     Occupancy occupancy;
     std::vector<LeafMask> seen;       // [leaf] cells that held a kept sample since the last reset
     Vec3f background = Vec3f::Ones();
+    Sky sky;                          // learned in place of the background, unless empty
+    Adam sky_optimizer;
     bool random_background = false;   // train against a random colour behind each ray (needs alpha)
     float distortion = 0.02f;         // of the loss, per unit of RayTracer::distortion
 };
@@ -64,6 +70,8 @@ public:
     /// ... which stands here: of the voxels, leaf by leaf as LeafScatter::run hands it out, once; of the network.
     void voxelGradients(const VoxelField& field, const LeafScatter::UseLeaf& use);
     std::span<const float> networkGradient();
+    /// [height][width][3] as Sky::values; empty without a sky.
+    std::span<const float> skyGradient(const Sky& sky);
 
 private:
     static constexpr int kMaxTileRays = 256;
@@ -75,8 +83,14 @@ private:
         std::vector<float> dl_drgb = std::vector<float>(3 * kMaxTileRays);
         std::vector<float> dl_dtransmittance = std::vector<float>(kMaxTileRays);
     };
+    /// What a ray that reaches the sky says about it.
+    struct SkyRay {
+        std::array<float, 3> direction;
+        Vec3f dl_dcolor;
+    };
     struct Tile {
         std::vector<float> dl_dnetwork;
+        std::vector<SkyRay> sky_rays;
         StepReport report;
     };
     void runTile(const TrainState& state, const RaySource& source, std::uint64_t step, int first_ray, int n_rays,
@@ -86,7 +100,7 @@ private:
     std::size_t n_tiles_ = 0;  // of the last batch
     std::vector<Tile> tiles_;
     std::vector<TileGradients> gradients_;
-    std::vector<float> dl_dnetwork_;
+    std::vector<float> dl_dnetwork_, dl_dsky_, sky_scratch_;
     LeafScatter scatter_;
 };
 

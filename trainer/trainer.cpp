@@ -21,6 +21,7 @@ namespace {
 constexpr int kWarmUpSteps = 20;            // rates rise linearly at the very start
 constexpr double kUnitsPerBox = 260;        // density is learned per 1/260 of the box's longest side ...
 constexpr float kInitialRaw = -4.19f;       // ... and starts at alpha 0.03 over two such units
+constexpr int kSkyWidth = 512;              // texels around the horizon
 constexpr double kErrorMemory = 0.99;       // of the running mean of the error, per step
 constexpr double kVoxelPerPixel = 0.6;      // voxels smaller than this share of a pixel's width show nothing new
 constexpr double kTellSeconds = 2;          // between progress reports
@@ -102,6 +103,7 @@ public:
     TrainResult run();
 
 private:
+    bool isOpen() const;
     std::size_t memoryFor(const Topology& topology) const;  // of photographs, voxels and moments, bytes
     void chooseBackground();
     void planFromOptions();
@@ -111,6 +113,7 @@ private:
     void stepOnce();
     void enterStage();
     void refine();
+    void updateSource();
     void updateOccupancy();
     StepRates rates() const;
     void tell(bool force);
@@ -147,8 +150,11 @@ private:
 void Training::start() {
     if (dataset_.views.empty())
         throw DataError(dataset_.root.string(), "no views to train on", "at least one posed photograph");
-    const Box box = findSceneBox(dataset_, options_.bounds);
-    const BoxGrid grid = gridOver(box, kCoarsestResolution);
+    const SceneShells scene = isOpen() ? findSceneShells(dataset_, options_.bounds)
+                                       : SceneShells{findSceneBox(dataset_, options_.bounds), 1};
+    const Box& box = scene.inner;
+    const BoxGrid grid = isOpen() ? gridAround(box, kCoarsestResolution, scene.count)
+                                  : gridOver(box, kCoarsestResolution);
     // Without a view nothing is ruled out.
     Topology topology(grid.dims, options_.keep_unseen
                                      ? possibleCells({}, grid, 0)
@@ -164,7 +170,8 @@ void Training::start() {
                          "at least " + std::to_string((memoryFor(topology) >> 20) + 1) +
                              " MiB, for the photographs and the coarsest voxels",
                          "allow more, or use fewer or smaller photographs");
-    state_.field = VoxelField(std::move(topology), grid.frame, plan.channels, kUnitsPerBox / box.size().maxCoeff());
+    state_.field = VoxelField(std::move(topology), grid.frame, grid.shells, plan.channels,
+                              kUnitsPerBox / box.size().maxCoeff());
     const Topology& cells = state_.field.topology();
     for (std::size_t leaf = 0; leaf < cells.leafCount(); ++leaf)
         for (int offset = 0; offset < kLeafVoxels; ++offset)
@@ -172,6 +179,7 @@ void Training::start() {
     state_.density_moment = HugeArray<float>(state_.field.density().size());
     state_.feature_moment = HugeArray<float>(state_.field.density().size());
     state_.seen.assign(cells.leafCount(), {});
+    if (isOpen()) state_.sky = Sky(kSkyWidth, meanColour(dataset_));
     place_.seed = options_.seed;
     place_.n_views = static_cast<int>(dataset_.views.size());
     place_.data_hash = datasetHash(dataset_);
@@ -195,8 +203,13 @@ void Training::resume() {
                         "those of " + dataset_.root.string(),
                         "resume with the data that it was made from, or train without --resume");
     source_ = RaySource(dataset_, place_.seed);
-    source_.update(state_.field, state_.occupancy);
+    updateSource();
     report_.info("resuming at step " + std::to_string(place_.step) + " of " + std::to_string(totalSteps()));
+}
+
+bool Training::isOpen() const {
+    if (options_.extent != SceneExtent::automatic) return options_.extent == SceneExtent::open;
+    return !dataset_.has_alpha && !options_.bounds && options_.background == BackgroundMode::automatic;
 }
 
 std::size_t Training::memoryFor(const Topology& topology) const {
@@ -279,10 +292,15 @@ std::int64_t Training::totalSteps() const {
     return total;
 }
 
+void Training::updateSource() {
+    if (state_.sky.isEmpty()) source_.update(state_.field, state_.occupancy);
+    else source_.useAll();  // a pixel without anything in front of it shows the sky, and teaches it
+}
+
 void Training::updateOccupancy() {
     state_.occupancy = findOccupied(
         state_.field, chooseMinAlpha(state_.field, source_, static_cast<std::uint64_t>(place_.step)));
-    source_.update(state_.field, state_.occupancy);
+    updateSource();
     if (source_.tileCount() == 0)
         throw NumericError(
             "training: nothing is left in any view, every voxel became transparent; are the images empty, or the "
@@ -297,6 +315,8 @@ StepRates Training::rates() const {
     rates.density *= factor;
     rates.features *= factor;
     rates.network *= factor;
+    rates.sky *= factor;
+    rates.sky_smoothing *= factor;
     // As smooth per world unit at every level: at large voxels neighbours differ more, and smoothing helps less.
     rates.density_smoothing *= static_cast<float>(std::exp2(place_.stages[place_.stage].level - (kMaxLevels - 1)));
     return rates;
@@ -448,6 +468,7 @@ TrainResult Training::finish(bool interrupted) {
     result.model.field = copyField(state_.field, prune(state_.field.topology(), state_.occupancy.cells));
     result.model.decoder = state_.decoder;
     result.model.background = state_.background;
+    result.model.sky = state_.sky;
     result.model.info.schedule = scheduleText(place_.stages);
     result.model.info.seed = place_.seed;
     result.model.info.train_psnr = psnrFromMse(place_.mean_error);

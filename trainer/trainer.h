@@ -16,6 +16,9 @@
 namespace nerfvdb {
 
 enum class Preset { fast, standard, best };
+/// How far a scene goes: to a box, or on without bounds, in shells up to a sky. Automatic: without bounds where
+/// photographs have no alpha and neither background nor bounds are given.
+enum class SceneExtent { automatic, box, open };
 enum class BackgroundMode { automatic, white, black, random };
 
 struct TrainOptions {
@@ -23,7 +26,8 @@ struct TrainOptions {
     std::optional<double> time_s;               // wall time from process start to file on disk
     std::vector<std::int64_t> steps;            // total number of steps (one entry) or steps per stage (all entries)
     BackgroundMode background = BackgroundMode::automatic;
-    std::optional<Box> bounds;                  // world units
+    SceneExtent extent = SceneExtent::automatic;
+    std::optional<Box> bounds;                  // world units; of an open scene, its inner box
     std::optional<std::size_t> max_memory_bytes;
     std::uint64_t seed = 1;
     bool keep_unseen = false;                   // also learn voxels that fewer than two views see, that a mask shows

@@ -9,6 +9,7 @@
 #include "core/camera.h"
 #include "core/types.h"
 #include "vdb/decoder.h"
+#include "vdb/sky.h"
 #include "vdb/voxel_field.h"
 
 namespace nerfvdb {
@@ -31,7 +32,8 @@ struct ModelCamera {
 struct Model {
     VoxelField field;
     Decoder decoder;
-    Vec3f background = Vec3f::Ones();  // sRGB values behind the scene
+    Vec3f background = Vec3f::Ones();  // sRGB values behind the scene ...
+    Sky sky;                           // ... unless it has a sky
     ModelInfo info;
     std::vector<ModelCamera> cameras;  // in the data set's order, held-out ones last; empty if nobody told
 };

@@ -1,14 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
-// Layout of model.vdb, version 2 (in version 1 a ray's features were a sum, not a mean, so that it cannot be read).
+// Layout of model.vdb, version 3. Version 2 had one shell and no sky, and is read. (In version 1 a ray's features were
+// a sum, not a mean: it cannot be.)
 //
-// One grid, for everyone: "density", float, fog volume, 1 / world unit, in voxels of twice the field's size, each the
-// mean of eight (capped where a voxel is opaque). It is a preview: at full size it would be as large as all that was
+// One grid a shell, for everyone: "density" (shell 0), "density_1" and so on, float, fog volume, 1 / world unit, in
+// voxels of twice the field's size, each the mean of eight (capped where a voxel is opaque). It is a preview: at full size it would be as large as all that was
 // learned, and nothing here reads it; the model's own densities are among the learned values.
 // Everything else is metadata of the file. Facts that people may want to read are plain numbers and strings:
-//   nerfvdb_format          int32    2
+//   nerfvdb_format          int32    3
 //   nerfvdb_dims            vec3i    voxels per axis
 //   nerfvdb_origin          vec3d    world position of voxel (0, 0, 0)
 //   nerfvdb_voxel_size      double   world units
+//   nerfvdb_shells          int32    how many, and for more than one: (shells.h)
+//   nerfvdb_shell_extent    vec3i    cells of each along each axis
+//   nerfvdb_shell_stride    int32    voxels from one to the next
 //   nerfvdb_density_scale   double   sigma = density_scale * exp(min(raw, 15))
 //   nerfvdb_background      vec3s    sRGB values
 //   nerfvdb_channels        int32    features per voxel
@@ -18,6 +22,7 @@
 //   nerfvdb_cells           cells of the topology (field_codec.h)
 //   nerfvdb_values          raw density and features of active voxels (field_codec.h)
 //   nerfvdb_decoder         float weights, in the order of Decoder::parameters()
+//   nerfvdb_sky             learned panorama (sky.h); absent where there is none
 //   nerfvdb_cameras         who photographed the scene (camera_codec.h); absent where nobody told
 // The type is one that OpenVDB does not know, on purpose: for metadata (not for grids!) every program then keeps
 // the bytes without looking inside, whereas a string of arbitrary bytes makes OpenVDB's Python module throw.
@@ -40,12 +45,12 @@
 namespace nerfvdb {
 namespace {
 
-constexpr std::int32_t kFormat = 2;
+constexpr std::int32_t kFormat = 3, kOldestFormat = 2;
 constexpr const char* kBytesType = "nerfvdb_bytes";
 // The name that tells a model from other files: of the facts that are no grid, the first (they stand in the order of
 // names), and so near the start of every model.
 constexpr const char* kMark = "nerfvdb_background";
-constexpr int kMaxDims = 1 << 16;
+constexpr int kMaxDims = 1 << 20;
 
 static_assert(std::endian::native == std::endian::little, "weights are written as they lie in memory");
 
@@ -55,46 +60,47 @@ constexpr int kPreviewScale = 2;  // edge of a preview's voxel, field's voxels
 
 /// A leaf of the preview from the up to eight leaves of the field that it covers: mean sigma as it will be after
 /// loading, capped where opaque; active where any of the eight voxels is.
-void fillPreview(const VoxelField& field, int step_exponent, const Vec3i& coord,
+void fillPreview(const VoxelField& field, int shell, int step_exponent, const Vec3i& coord,
                  openvdb::FloatTree::LeafNodeType& preview) {
     constexpr float kShare = 1.0f / (kPreviewScale * kPreviewScale * kPreviewScale);
-    const double voxel_size = field.frame().voxel_size;
+    const double voxel_size = field.frame().voxel_size * Shells::scale(shell);
+    const double density_scale = field.densityScale() / Shells::scale(shell);
     for (int child = 0; child < 8; ++child) {
         const Vec3i octant(child >> 2, child >> 1 & 1, child & 1);
         const std::int32_t leaf = field.topology().findLeaf(coord * kPreviewScale + octant);
         if (leaf < 0) continue;
         forEachBit(field.topology().voxels()[leaf], [&](int offset) {
             const float raw = keptValue(field, leaf * std::size_t{kLeafVoxels} + offset, 0);
-            const float sigma = volumeSigma(valueOf(codeOf(raw, step_exponent), step_exponent), field.densityScale(),
-                                            voxel_size);
+            const float sigma = volumeSigma(valueOf(codeOf(raw, step_exponent), step_exponent), density_scale, voxel_size);
             const Vec3i voxel(offset >> 6, offset >> 3 & 7, offset & 7);
             const Vec3i at = (octant * kLeafDim + voxel) / kPreviewScale;
             const int to = brickOffset(at.x(), at.y(), at.z());
             preview.setValueOn(to, preview.getValue(to) + sigma * kShare);
         });
     }
-    const auto opaque = volumeSigma(kMaxRaw, field.densityScale(), voxel_size * kPreviewScale);
+    const auto opaque = volumeSigma(kMaxRaw, density_scale, voxel_size * kPreviewScale);
     for (auto value = preview.beginValueOn(); value; ++value) value.setValue(std::min(*value, opaque));
 }
 
 /// Density for other programs. Half precision where that suffices, else float.
-openvdb::FloatGrid::Ptr previewGrid(const VoxelField& field, int step_exponent) {
-    const GridFrame& fine = field.frame();
+openvdb::FloatGrid::Ptr previewGrid(const VoxelField& field, int shell, int step_exponent) {
+    const GridFrame fine = field.shells().frame(field.frame(), shell);
     const GridFrame frame{fine.origin + Vec3d::Constant(0.5 * (kPreviewScale - 1) * fine.voxel_size),
                           fine.voxel_size * kPreviewScale};
     auto grid = openvdb::FloatGrid::create(0.0f);
     std::vector<std::pair<Vec3i, openvdb::FloatTree::LeafNodeType*>> leaves;
     for (const Vec3i& coord : field.topology().leafCoords()) {
+        if (field.shells().shellOf(coord.x() * kLeafDim) != shell) continue;
         const Vec3i to = coord / kPreviewScale;
         if (!grid->tree().probeLeaf(leafOrigin(to))) leaves.push_back({to, grid->tree().touchLeaf(leafOrigin(to))});
     }
     std::vector<float> largest(leaves.size(), 0.0f);
     parallelFor(leaves.size(), [&](std::size_t i) {
-        fillPreview(field, step_exponent, leaves[i].first, *leaves[i].second);
+        fillPreview(field, shell, step_exponent, leaves[i].first, *leaves[i].second);
         for (auto value = leaves[i].second->cbeginValueOn(); value; ++value) largest[i] = std::max(largest[i], *value);
     });
 
-    grid->setName("density");
+    grid->setName(shell == 0 ? "density" : "density_" + std::to_string(shell));
     grid->setGridClass(openvdb::GRID_FOG_VOLUME);
     grid->setTransform(gridTransform(frame));
     const float top = largest.empty() ? 0.0f : *std::max_element(largest.begin(), largest.end());
@@ -121,7 +127,7 @@ void checkModel(const Model& model) {
     const VoxelField& field = model.field;
     const GridFrame& frame = field.frame();
     if (field.topology().dims().minCoeff() < kLeafDim || field.topology().dims().maxCoeff() > kMaxDims)
-        throw UsageError("model", "a grid without voxels or more than 65536 along an edge", "a grid to save");
+        throw UsageError("model", "a grid without voxels or more than 1048576 along an edge", "a grid to save");
     if (!frame.origin.allFinite() || !std::isfinite(frame.voxel_size) || frame.voxel_size <= 0)
         throw NumericError("model", "a grid frame that is not finite and positive", "world units");
     if (!(field.densityScale() > 0) || !std::isfinite(sigmaFromRaw(kMaxRaw, field.densityScale())))
@@ -130,8 +136,8 @@ void checkModel(const Model& model) {
     if (field.channels() != model.decoder.channels())
         throw UsageError("model", std::to_string(field.channels()) + " features a voxel",
                          std::to_string(model.decoder.channels()) + " as the decoder reads");
-    if (!allFinite(model.decoder.parameters()) || !model.background.allFinite())
-        throw NumericError("model", "NaN or infinity in the decoder or the background", "finite numbers",
+    if (!allFinite(model.decoder.parameters()) || !model.background.allFinite() || !allFinite(model.sky.values()))
+        throw NumericError("model", "NaN or infinity in the decoder, the background or the sky", "finite numbers",
                            "training has diverged: nothing was saved");
 }
 
@@ -211,7 +217,7 @@ Vec3i gridDims(const Facts& facts) {
     const openvdb::Vec3i stored = facts.get<openvdb::Vec3i>("nerfvdb_dims");
     const Vec3i dims(stored.x(), stored.y(), stored.z());
     if (dims.minCoeff() < kLeafDim || dims.maxCoeff() > kMaxDims)
-        throw DataError(facts.where("nerfvdb_dims"), stored.str(), "8 to 65536 voxels along each edge");
+        throw DataError(facts.where("nerfvdb_dims"), stored.str(), "8 to 1048576 voxels along each edge");
     return dims;
 }
 
@@ -238,6 +244,22 @@ Decoder loadDecoder(const Facts& facts, int channels) {
     return decoder;
 }
 
+Shells loadShells(const Facts& facts, const Vec3i& dims) {
+    Shells shells{1, dims - Vec3i::Ones(), 0};
+    if (facts.get<std::int32_t>("nerfvdb_format") < 3) return shells;
+    shells.count = facts.get<std::int32_t>("nerfvdb_shells");
+    if (shells.count < 1 || shells.count > kMaxShells)
+        throw DataError(facts.where("nerfvdb_shells"), std::to_string(shells.count), "1 to " + std::to_string(kMaxShells));
+    if (shells.count == 1) return shells;
+    const openvdb::Vec3i extent = facts.get<openvdb::Vec3i>("nerfvdb_shell_extent");
+    shells.extent = Vec3i(extent.x(), extent.y(), extent.z());
+    shells.stride = facts.get<std::int32_t>("nerfvdb_shell_stride");
+    if (!shells.fits(dims))
+        throw DataError(facts.where("nerfvdb_shell_extent"), extent.str() + " every " + std::to_string(shells.stride),
+                        "shells that fit into " + facts.get<openvdb::Vec3i>("nerfvdb_dims").str() + " voxels");
+    return shells;
+}
+
 VoxelField loadField(const Facts& facts) {
     GridFrame frame;
     const openvdb::Vec3d origin = facts.get<openvdb::Vec3d>("nerfvdb_origin");
@@ -246,8 +268,9 @@ VoxelField loadField(const Facts& facts) {
     const int channels = facts.get<std::int32_t>("nerfvdb_channels");
     if (channels != 4 && channels != 8 && channels != 16)
         throw DataError(facts.where("nerfvdb_channels"), std::to_string(channels), "4, 8 or 16");
-    VoxelField field(decodeTopology(gridDims(facts), facts.bytes("nerfvdb_cells"), facts.where("nerfvdb_cells")),
-                     frame, channels, positive(facts, "nerfvdb_density_scale"));
+    const Vec3i dims = gridDims(facts);
+    VoxelField field(decodeTopology(dims, facts.bytes("nerfvdb_cells"), facts.where("nerfvdb_cells")), frame,
+                     loadShells(facts, dims), channels, positive(facts, "nerfvdb_density_scale"));
     decodeValues(facts.bytes("nerfvdb_values"), facts.where("nerfvdb_values"), field);
     return field;
 }
@@ -267,6 +290,11 @@ void saveModel(const Model& model, const std::filesystem::path& path) {
     facts.insertMeta("nerfvdb_dims", openvdb::Vec3IMetadata(openvdb::Vec3i(field.topology().dims().data())));
     facts.insertMeta("nerfvdb_origin", openvdb::Vec3DMetadata(openvdb::Vec3d(frame.origin.data())));
     facts.insertMeta("nerfvdb_voxel_size", openvdb::DoubleMetadata(frame.voxel_size));
+    facts.insertMeta("nerfvdb_shells", openvdb::Int32Metadata(field.shells().count));
+    if (field.shells().count > 1) {
+        facts.insertMeta("nerfvdb_shell_extent", openvdb::Vec3IMetadata(openvdb::Vec3i(field.shells().extent.data())));
+        facts.insertMeta("nerfvdb_shell_stride", openvdb::Int32Metadata(field.shells().stride));
+    }
     facts.insertMeta("nerfvdb_density_scale", openvdb::DoubleMetadata(field.densityScale()));
     facts.insertMeta("nerfvdb_background", openvdb::Vec3SMetadata(openvdb::Vec3s(model.background.data())));
     facts.insertMeta("nerfvdb_channels", openvdb::Int32Metadata(field.channels()));
@@ -277,9 +305,13 @@ void saveModel(const Model& model, const std::filesystem::path& path) {
     insertBytes(facts, "nerfvdb_cells", encodeTopology(field.topology()));
     insertBytes(facts, "nerfvdb_values", encodeValues(field, steps));
     insertBytes(facts, "nerfvdb_decoder", {reinterpret_cast<const char*>(weights.data()), weights.size_bytes()});
+    if (!model.sky.isEmpty()) insertBytes(facts, "nerfvdb_sky", model.sky.encode());
     if (!model.cameras.empty()) insertBytes(facts, "nerfvdb_cameras", encodeCameras(model.cameras));
     openvdb::initialize();
-    writeVdb(path, {previewGrid(field, steps[0])}, facts);
+    openvdb::GridCPtrVec previews;
+    for (int shell = 0; shell < field.shells().count; ++shell)
+        previews.push_back(previewGrid(field, shell, steps[0]));
+    writeVdb(path, previews, facts);
 }
 
 Model loadModel(const std::filesystem::path& path) {
@@ -290,7 +322,7 @@ Model loadModel(const std::filesystem::path& path) {
         file.open(kDelayedLoading);
         const openvdb::MetaMap::Ptr map = file.getMetadata();
         const Facts facts(*map, path.string());
-        if (const auto format = facts.get<std::int32_t>("nerfvdb_format"); format != kFormat)
+        if (const auto format = facts.get<std::int32_t>("nerfvdb_format"); format < kOldestFormat || format > kFormat)
             throw DataError(facts.where("nerfvdb_format"), std::to_string(format), std::to_string(kFormat),
                             format > kFormat ? "a newer nerfvdb wrote this model: update this program"
                                              : "an older nerfvdb wrote this model: use that one, or train anew");
@@ -302,6 +334,8 @@ Model loadModel(const std::filesystem::path& path) {
         model.info.schedule = facts.get<std::string>("nerfvdb_schedule");
         model.info.seed = static_cast<std::uint64_t>(facts.get<std::int64_t>("nerfvdb_seed"));
         model.info.train_psnr = facts.get<double>("nerfvdb_train_psnr");
+        if (facts.has("nerfvdb_sky"))
+            model.sky = Sky::decode(facts.bytes("nerfvdb_sky"), facts.where("nerfvdb_sky"));
         if (facts.has("nerfvdb_cameras"))
             model.cameras = decodeCameras(facts.bytes("nerfvdb_cameras"), facts.where("nerfvdb_cameras"));
         return model;

@@ -46,9 +46,10 @@ RenderedImage Renderer::render(const Camera& camera) const {
         else
             decodeDiffuse(model_.decoder, tracer, rgb, worker);
         for (int r = 0; r < tracer.rayCount(); ++r) {
-            const float opacity = 1 - tracer.transmittance()[r];
-            for (int c = 0; c < 3; ++c)
-                rgb[3 * r + c] = opacity * rgb[3 * r + c] + (1 - opacity) * model_.background[c];
+            const float transmittance = tracer.transmittance()[r], opacity = 1 - transmittance;
+            const bool sees_sky = !model_.sky.isEmpty() && transmittance > 0;
+            const Vec3f behind = sees_sky ? model_.sky.at(tracer.directions() + 3 * r) : model_.background;
+            for (int c = 0; c < 3; ++c) rgb[3 * r + c] = opacity * rgb[3 * r + c] + transmittance * behind[c];
         }
     };
     return renderPicture(TraceScene(model_.field, occupancy_), options_.trace, options_.normals, camera, shade);

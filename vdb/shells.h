@@ -50,6 +50,11 @@ struct Shells {
         const double voxel_size = inner.voxel_size * scale(shell);
         return {inner.worldFromIndex(center) - voxel_size * (center + corner(shell)), voxel_size};
     }
+    /// Whether they lie side by side in an index space of `dims` voxels, each with room for upper corners.
+    bool fits(const Vec3i& dims) const {
+        return count >= 1 && count <= kMaxShells && (extent.array() > 0).all() && extent.x() < stride &&
+               extent.y() < dims.y() && extent.z() < dims.z() && stride <= dims.x() / count;
+    }
     /// The same field at half the voxel size.
     Shells subdivided() const { return {count, extent * 2, stride * 2}; }
 };

@@ -1,0 +1,55 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is so far behind the scene that only its direction counts: a small learned panorama (environment map).
+// Latitude and longitude about the world's z axis, values bilinear between texels, colours their sigmoid.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/types.h"
+
+namespace nerfvdb {
+
+class Sky {
+public:
+    /// No sky: what is behind the scene has one colour, and at() must not be called.
+    Sky() = default;
+    /// height = width / 2 texels, all of one colour (sRGB values). Throws UsageError unless width is even, 4 to 8192.
+    Sky(int width, const Vec3f& color);
+
+    bool isEmpty() const { return values_.empty(); }
+    int width() const { return width_; }
+    int height() const { return width_ / 2; }
+    /// sRGB values in (0, 1) in a direction (unit, world).
+    Vec3f at(const float* direction) const;
+    /// Adds to dl_dvalues [height][width][3] what a loss says that changes with at(direction) by dl_dcolor.
+    void backward(const float* direction, const Vec3f& dl_dcolor, std::span<float> dl_dvalues) const;
+    /// Moves each texel the share `pull` of the way to the mean of its neighbours: what no ray sees follows what is
+    /// seen. `scratch` is working memory.
+    void smooth(float pull, std::vector<float>& scratch);
+
+    /// [height][width][3], before the sigmoid.
+    std::span<float> values() { return values_; }
+    std::span<const float> values() const { return values_; }
+
+    /// Values rounded to 1/64, as bytes; and back. `where` names the place for the DataError that wrong bytes raise.
+    /// What was decoded encodes to the same bytes again.
+    std::string encode() const;
+    static Sky decode(std::span<const std::uint8_t> bytes, const std::string& where);
+
+private:
+    struct Texels {
+        std::array<std::size_t, 4> index;  // of their first value
+        std::array<float, 4> weight;
+    };
+    Texels texelsAt(const float* direction) const;
+    Vec3f colorOf(const Texels& texels) const;
+
+    int width_ = 0;
+    std::vector<float> values_;
+};
+
+}  // namespace nerfvdb
