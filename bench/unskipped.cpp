@@ -41,6 +41,15 @@ std::optional<Vec3i> lonelyPlace(const Topology& a, const Topology& b) {
     return std::nullopt;
 }
 
+/// Puts a leaf's number where there is none: nothing is jumped any more.
+void fillEmpty(LeafTable& skip, std::int32_t leaf_number) {
+    for (int x = 0; x < skip.node_dims.x(); ++x)
+        for (int y = 0; y < skip.node_dims.y(); ++y)
+            for (int z = 0; z < skip.node_dims.z(); ++z) skip.touch(kNodeDim * Vec3i(x, y, z));
+    for (std::int32_t& entry : skip.leaves)
+        if (entry < 0) entry = leaf_number;
+}
+
 }  // namespace
 
 Unskipped::Unskipped(const Model& model, float min_alpha)
@@ -68,8 +77,7 @@ Occupancy Unskipped::walkedLeaves() const {
     // A leaf number behind the last, with no bit set: the march looks it up and finds nothing.
     const auto nothing = static_cast<std::int32_t>(walked.cells.size());
     walked.cells.push_back({});
-    for (std::int32_t& entry : walked.skip_table)
-        if (entry < 0) entry = nothing;
+    fillEmpty(walked.skip, nothing);
     return walked;
 }
 
@@ -84,8 +92,7 @@ std::optional<Occupancy> Unskipped::wholeBox() const {
     if (empty_leaf_ < 0) return std::nullopt;
     const Topology& topology = full_.field.topology();
     Occupancy dense = occupancyFromCells(topology, {topology.cells().begin(), topology.cells().end()});
-    for (std::int32_t& entry : dense.skip_table)
-        if (entry < 0) entry = empty_leaf_;
+    fillEmpty(dense.skip, empty_leaf_);
     return dense;
 }
 

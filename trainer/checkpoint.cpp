@@ -186,6 +186,7 @@ void visitLearner(Visitor& visit, TrainState& state, std::vector<float>& network
     visit.value(state.network.count);
     visit.values(state.occupancy.cells);
     visit.values(state.seen);
+    visit.value(state.min_seen);
     visitVector(visit, state.background);
     visitSky(visit, state.sky);
     visit.values(state.sky_optimizer.first);

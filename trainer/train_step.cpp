@@ -23,7 +23,7 @@ StepReport TrainStepper::step(TrainState& state, const RaySource& source, std::u
     const RmsPropRates voxel_rates{rates.density, rates.features,          rates.decay,
                                    rates.epsilon, rates.sparsity,          rates.density_smoothing,
                                    rates.feature_smoothing};
-    voxelGradients(state.field, [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask& seen) {
+    voxelGradients(state, [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask& seen) {
         const std::size_t first = static_cast<std::size_t>(leaf) * kLeafVoxels;
         simd::rmsPropLeaf(channels, voxel_rates, state.field.topology().voxels()[leaf].data(), gradient,
                           &state.field.density()[first], &state.density_moment[first],
@@ -68,8 +68,8 @@ StepReport TrainStepper::differentiate(const TrainState& state, const RaySource&
     return report;
 }
 
-void TrainStepper::voxelGradients(const VoxelField& field, const LeafScatter::UseLeaf& use) {
-    scatter_.run(field.topology(), field.channels(), std::span(gradients_.data(), n_tiles_), use);
+void TrainStepper::voxelGradients(const TrainState& state, const LeafScatter::UseLeaf& use) {
+    scatter_.run(state.field.topology(), state.field.channels(), std::span(gradients_.data(), n_tiles_), state.min_seen, use);
 }
 
 std::span<const float> TrainStepper::networkGradient() {

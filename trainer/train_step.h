@@ -38,7 +38,8 @@ struct TrainState {
     Decoder decoder;
     Adam network;
     Occupancy occupancy;
-    std::vector<LeafMask> seen;       // [leaf] cells that held a kept sample since the last reset
+    std::vector<LeafMask> seen;       // [leaf] cells that held a kept sample since the last reset ...
+    float min_seen = 0;               // ... of at least this weight
     Vec3f background = Vec3f::Ones();
     Sky sky;                          // learned in place of the background, unless empty
     Adam sky_optimizer;
@@ -68,7 +69,7 @@ public:
     StepReport differentiate(const TrainState& state, const RaySource& source, std::uint64_t step, int batch,
                              const TraceOptions& trace);
     /// ... which stands here: of the voxels, leaf by leaf as LeafScatter::run hands it out, once; of the network.
-    void voxelGradients(const VoxelField& field, const LeafScatter::UseLeaf& use);
+    void voxelGradients(const TrainState& state, const LeafScatter::UseLeaf& use);
     std::span<const float> networkGradient();
     /// [height][width][3] as Sky::values; empty without a sky.
     std::span<const float> skyGradient(const Sky& sky);

@@ -20,7 +20,10 @@ namespace {
 
 constexpr int kWarmUpSteps = 20;            // rates rise linearly at the very start
 constexpr double kUnitsPerBox = 260;        // density is learned per 1/260 of the box's longest side ...
-constexpr float kInitialRaw = -4.19f;       // ... and starts at alpha 0.03 over two such units
+constexpr float kInitialRaw = -4.19f;       // ... and starts at alpha 0.03 over two such units; ...
+// ... but an open scene near empty: a ray crosses many shells, and fog in the near ones would hide what stands behind.
+constexpr float kOpenInitialRaw = -7;
+constexpr float kOpenMinSeen = 0.01f;       // there a cell that never gave a ray this share of its light is not divided
 constexpr int kSkyWidth = 512;              // texels around the horizon
 constexpr double kErrorMemory = 0.99;       // of the running mean of the error, per step
 constexpr double kVoxelPerPixel = 0.6;      // voxels smaller than this share of a pixel's width show nothing new
@@ -172,13 +175,15 @@ void Training::start() {
                          "allow more, or use fewer or smaller photographs");
     state_.field = VoxelField(std::move(topology), grid.frame, grid.shells, plan.channels,
                               kUnitsPerBox / box.size().maxCoeff());
+    const float initial_raw = isOpen() ? kOpenInitialRaw : kInitialRaw;
     const Topology& cells = state_.field.topology();
     for (std::size_t leaf = 0; leaf < cells.leafCount(); ++leaf)
         for (int offset = 0; offset < kLeafVoxels; ++offset)
-            if (testBit(cells.voxels()[leaf], offset)) state_.field.density()[leaf * kLeafVoxels + offset] = kInitialRaw;
+            if (testBit(cells.voxels()[leaf], offset)) state_.field.density()[leaf * kLeafVoxels + offset] = initial_raw;
     state_.density_moment = HugeArray<float>(state_.field.density().size());
     state_.feature_moment = HugeArray<float>(state_.field.density().size());
     state_.seen.assign(cells.leafCount(), {});
+    if (isOpen()) state_.min_seen = kOpenMinSeen;
     if (isOpen()) state_.sky = Sky(kSkyWidth, meanColour(dataset_));
     place_.seed = options_.seed;
     place_.n_views = static_cast<int>(dataset_.views.size());

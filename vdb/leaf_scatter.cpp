@@ -39,7 +39,7 @@ void TileGradients::bin(const Topology& topology) {
 }
 
 void LeafScatter::run(const Topology& topology, int channels, std::span<const TileGradients> tiles,
-                      const UseLeaf& use) {
+                      float min_seen, const UseLeaf& use) {
     const std::size_t per_part = leavesPerPart(topology);
     parallelFor(kScatterParts, [&](std::size_t part) {
         Scratch& scratch = scratch_.local();
@@ -84,7 +84,7 @@ void LeafScatter::run(const Topology& topology, int channels, std::span<const Ti
                     {(cell >> 6) - 8 * (corner >> 2 & 1), (cell >> 3 & 7) - 8 * (corner >> 1 & 1),
                      (cell & 7) - 8 * (corner & 1), sample.x, sample.y, sample.z, sample.weight, sample.dl_draw,
                      &tile.dl_dray_features[static_cast<std::size_t>(sample.ray) * channels]});
-                if (corner == 0) setBit(seen, cell);
+                if (corner == 0 && sample.weight >= min_seen) setBit(seen, cell);
             }
             simd::accumulateLeaf(static_cast<int>(scratch.contributions.size()), scratch.contributions.data(),
                                  channels, gradient);

@@ -50,9 +50,11 @@ private:
 class LeafScatter {
 public:
     /// Called once for each touched leaf, from any thread, one leaf at a time per thread. `gradient` must be
-    /// left cleared, as rmsPropLeaf does; `seen` has the bits of the leaf's own cells that hold a kept sample.
+    /// left cleared, as rmsPropLeaf does; `seen` has the bits of the leaf's own cells that hold a kept sample
+    /// of at least `min_seen` weight.
     using UseLeaf = std::function<void(std::int32_t leaf, const LeafGradient& gradient, const LeafMask& seen)>;
-    void run(const Topology& topology, int channels, std::span<const TileGradients> tiles, const UseLeaf& use);
+    void run(const Topology& topology, int channels, std::span<const TileGradients> tiles, float min_seen,
+             const UseLeaf& use);
 
 private:
     struct Entry {

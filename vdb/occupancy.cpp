@@ -2,6 +2,7 @@
 #include "vdb/occupancy.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 
@@ -11,7 +12,7 @@
 namespace nerfvdb {
 namespace {
 
-/// Chebyshev distance, in leaves, to the nearest leaf that is set; two sweeps over half of the 26 neighbours
+/// Chebyshev distance to the nearest entry that is 0; two sweeps over half of the 26 neighbours
 /// are exact for this metric (Rosenfeld and Pfaltz 1968, "Distance functions on digital pictures").
 void fillDistances(const Vec3i& dims, std::vector<std::int32_t>& distance) {
     const auto at = [&](int x, int y, int z) -> std::int32_t& {
@@ -36,6 +37,74 @@ void fillDistances(const Vec3i& dims, std::vector<std::int32_t>& distance) {
     }
 }
 
+/// Distances of empty nodes, in nodes.
+void fillNodeDistances(LeafTable& skip) {
+    std::vector<std::int32_t> distance(skip.nodes.size(), skip.node_dims.maxCoeff() + 1);
+    for (std::size_t node = 0; node < skip.nodes.size(); ++node)
+        if (skip.nodes[node] >= 0) distance[node] = 0;
+    fillDistances(skip.node_dims, distance);
+    for (std::size_t node = 0; node < skip.nodes.size(); ++node)
+        if (distance[node] > 0) skip.nodes[node] = -distance[node];
+}
+
+/// Distances of empty leaves in nodes that have others, in leaves, to at most a node's edge: which leaves are near
+/// grows ring by ring, a node's 512 bits at a time. What is so near is never further than the next node, so that only
+/// nodes with leaves and those around them take part.
+void fillLeafDistances(LeafTable& skip) {
+    struct Node {
+        Vec3i place;
+        std::int32_t number;   // in skip.leaves, or -1
+        std::array<std::int32_t, 27> around;  // nodes here, or -1 for those that take no part
+        LeafMask near;         // leaves at most so far from an occupied one
+    };
+    std::vector<Node> nodes;
+    std::vector<std::int32_t> number(skip.nodes.size(), -1);  // in `nodes`
+    for (int x = 0; x < skip.node_dims.x(); ++x)
+        for (int y = 0; y < skip.node_dims.y(); ++y)
+            for (int z = 0; z < skip.node_dims.z(); ++z) {
+                const std::size_t index = skip.nodeIndex({x, y, z});
+                if (skip.nodes[index] < -1) continue;
+                number[index] = static_cast<std::int32_t>(nodes.size());
+                nodes.push_back({{x, y, z}, std::max(skip.nodes[index], -1), {}, {}});
+            }
+    parallelRanges(nodes.size(), 16, [&](std::size_t first, std::size_t last) {
+        for (std::size_t n = first; n < last; ++n) {
+            Node& node = nodes[n];
+            for (int i = 0; i < 27; ++i) {
+                const Vec3i other = node.place + Vec3i(i / 9 - 1, i / 3 % 3 - 1, i % 3 - 1);
+                const bool exists = (other.array() >= 0).all() && (other.array() < skip.node_dims.array()).all();
+                node.around[i] = exists ? number[skip.nodeIndex(other)] : -1;
+            }
+            if (node.number < 0) continue;
+            for (int leaf = 0; leaf < kNodeLeaves; ++leaf)
+                if (skip.leaves[static_cast<std::size_t>(node.number) * kNodeLeaves + leaf] >= 0)
+                    setBit(node.near, leaf);
+        }
+    });
+    std::vector<LeafMask> grown(nodes.size());
+    for (int distance = 1; distance <= kNodeDim; ++distance) {
+        parallelRanges(nodes.size(), 16, [&](std::size_t first, std::size_t last) {
+            for (std::size_t n = first; n < last; ++n) {
+                std::array<const LeafMask*, 27> around;
+                constexpr static LeafMask kNothing{};
+                for (int i = 0; i < 27; ++i)
+                    around[i] = nodes[n].around[i] >= 0 ? &nodes[nodes[n].around[i]].near : &kNothing;
+                grown[n] = grownByOne(around);
+                if (nodes[n].number < 0) continue;
+                std::int32_t* const leaves = &skip.leaves[static_cast<std::size_t>(nodes[n].number) * kNodeLeaves];
+                for (int word = 0; word < kLeafWords; ++word)
+                    for (std::uint64_t bits = grown[n][word] & ~nodes[n].near[word]; bits; bits &= bits - 1)
+                        leaves[word * 64 + std::countr_zero(bits)] = -distance;
+                if (distance < kNodeDim) continue;
+                for (int word = 0; word < kLeafWords; ++word)
+                    for (std::uint64_t bits = ~grown[n][word]; bits; bits &= bits - 1)
+                        leaves[word * 64 + std::countr_zero(bits)] = -(kNodeDim + 1);
+            }
+        });
+        for (std::size_t n = 0; n < nodes.size(); ++n) nodes[n].near = grown[n];
+    }
+}
+
 bool isEmpty(const LeafMask& mask) {
     return std::all_of(mask.begin(), mask.end(), [](std::uint64_t word) { return word == 0; });
 }
@@ -57,21 +126,12 @@ std::size_t Occupancy::leafCount() const {
 Occupancy occupancyFromCells(const Topology& topology, std::vector<LeafMask> cells) {
     Occupancy occupancy;
     occupancy.cells = std::move(cells);
-    occupancy.table_dims = topology.dims() / kLeafDim;
-    const Vec3i& dims = occupancy.table_dims;
-    const std::int32_t far = dims.maxCoeff() + 1;
-    std::vector<std::int32_t>& table = occupancy.skip_table;
-    table.assign(static_cast<std::size_t>(dims.x()) * dims.y() * dims.z(), far);
-    const auto tableIndex = [&](const Vec3i& leaf) {
-        return (static_cast<std::size_t>(leaf.x()) * dims.y() + leaf.y()) * dims.z() + leaf.z();
-    };
+    LeafTable& skip = occupancy.skip;
+    skip = LeafTable(topology.dims() / kLeafDim, -1);
     for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf)
-        if (!isEmpty(occupancy.cells[leaf])) table[tableIndex(topology.leafCoords()[leaf])] = 0;
-    fillDistances(dims, table);
-    for (std::int32_t& entry : table) entry = -entry;
-    for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf)
-        if (!isEmpty(occupancy.cells[leaf]))
-            table[tableIndex(topology.leafCoords()[leaf])] = static_cast<std::int32_t>(leaf);
+        if (!isEmpty(occupancy.cells[leaf])) skip.touch(topology.leafCoords()[leaf]) = static_cast<std::int32_t>(leaf);
+    fillNodeDistances(skip);
+    fillLeafDistances(skip);
     return occupancy;
 }
 
@@ -113,8 +173,12 @@ Occupancy findOccupied(const VoxelField& field, float min_alpha) {
 
 Bricks bricksOf(const Topology& topology, const Occupancy& occupancy) {
     Bricks bricks;
-    bricks.skip_table = occupancy.skip_table.data();
-    for (int axis = 0; axis < 3; ++axis) bricks.table_dims[axis] = occupancy.table_dims[axis];
+    bricks.skip_nodes = occupancy.skip.nodes.data();
+    bricks.skip_leaves = occupancy.skip.leaves.data();
+    for (int axis = 0; axis < 3; ++axis) {
+        bricks.node_dims[axis] = occupancy.skip.node_dims[axis];
+        bricks.leaf_dims[axis] = occupancy.skip.dims[axis];
+    }
     bricks.upper_neighbours = topology.upperNeighbours().data();
     bricks.occupied = occupancy.cells.empty() ? nullptr : occupancy.cells.front().data();
     return bricks;

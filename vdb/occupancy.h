@@ -13,8 +13,7 @@ namespace nerfvdb {
 /// Occupied cells of a field, as the marching kernel reads them.
 struct Occupancy {
     std::vector<LeafMask> cells;            // [leaf], a subset of topology.cells()
-    std::vector<std::int32_t> skip_table;   // see Bricks::skip_table
-    Vec3i table_dims = Vec3i::Zero();
+    LeafTable skip;                         // see Bricks::skip_nodes
 
     std::size_t cellCount() const;
     std::size_t leafCount() const;  // leaves with at least one occupied cell
@@ -27,7 +26,8 @@ float rawFromVoxelAlpha(const VoxelField& field, float alpha);
 /// least `min_alpha`. Trilinear values never exceed the corners, so a cell that is not occupied stops less.
 Occupancy findOccupied(const VoxelField& field, float min_alpha);
 
-/// Occupancy from given cells: fills the skip table (Chebyshev distance to the nearest leaf that has any).
+/// Occupancy from given cells: fills the skip table: Chebyshev distances to the nearest leaf that has any,
+/// exact to 9 leaves, and to the nearest node that has any.
 Occupancy occupancyFromCells(const Topology& topology, std::vector<LeafMask> cells);
 
 /// The kernels' view of a field and its occupied cells; borrows both.

@@ -74,14 +74,14 @@ void growUp(openvdb::MaskTree& tree, int axis) {
 
 }  // namespace
 
-Topology::Topology(const Vec3i& dims, std::span<const LeafCells> cells) : dims_(dims), table_dims_(dims / kLeafDim) {
-    if ((dims.array() < kLeafDim).any() || (dims.array() - table_dims_.array() * kLeafDim != 0).any())
+Topology::Topology(const Vec3i& dims, std::span<const LeafCells> cells) : dims_(dims), table_(dims / kLeafDim, -1) {
+    if ((dims.array() < kLeafDim).any() || (dims.array() - table_.dims.array() * kLeafDim != 0).any())
         throw UsageError("topology: every dimension must be a positive multiple of 8 voxels");
 
     openvdb::MaskTree cell_tree;
     for (const LeafCells& entry : cells) {
         if (isEmpty(entry.cells)) continue;
-        if ((entry.leaf.array() < 0).any() || (entry.leaf.array() >= table_dims_.array()).any())
+        if (!table_.contains(entry.leaf))
             throw UsageError("topology: a cell lies outside the box");
         addBits(cell_tree, leafOrigin(entry.leaf), entry.cells);
     }
@@ -93,14 +93,12 @@ Topology::Topology(const Vec3i& dims, std::span<const LeafCells> cells) : dims_(
     leaf_coords_.reserve(n_leaves);
     voxels_.reserve(n_leaves);
     cells_.reserve(n_leaves);
-    table_.assign(static_cast<std::size_t>(table_dims_.x()) * table_dims_.y() * table_dims_.z(), -1);
     for (auto leaf = voxel_tree.cbeginLeaf(); leaf; ++leaf) {
         const openvdb::Coord origin = leaf->origin();
         const Vec3i coord(origin.x() / kLeafDim, origin.y() / kLeafDim, origin.z() / kLeafDim);
-        if ((coord.array() >= table_dims_.array()).any())
+        if (!table_.contains(coord))
             throw UsageError("topology: a cell touches the upper border of the box; cells end one voxel before it");
-        table_[(static_cast<std::size_t>(coord.x()) * table_dims_.y() + coord.y()) * table_dims_.z() + coord.z()] =
-            static_cast<std::int32_t>(leaf_coords_.size());
+        table_.touch(coord) = static_cast<std::int32_t>(leaf_coords_.size());
         leaf_coords_.push_back(coord);
         voxels_.push_back(leafMask(leaf->getValueMask()));
         const MaskLeaf* cell_leaf = cell_tree.probeConstLeaf(origin);
@@ -116,15 +114,14 @@ Topology::Topology(const Vec3i& dims, std::span<const LeafCells> cells) : dims_(
 }
 
 int Topology::findLeaf(const Vec3i& leaf) const {
-    if ((leaf.array() < 0).any() || (leaf.array() >= table_dims_.array()).any()) return -1;
-    return table_[(static_cast<std::size_t>(leaf.x()) * table_dims_.y() + leaf.y()) * table_dims_.z() + leaf.z()];
+    return table_.contains(leaf) ? table_.at(leaf) : -1;
 }
 
 std::size_t Topology::cellCount() const { return countBits(cells_); }
 std::size_t Topology::voxelCount() const { return countBits(voxels_); }
 
 std::size_t Topology::bytes() const {
-    return table_.size() * sizeof(std::int32_t) +
+    return table_.bytes() +
            leaf_coords_.size() * (sizeof(Vec3i) + 2 * sizeof(LeafMask) + 8 * sizeof(std::int32_t));
 }
 

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "core/types.h"
+#include "vdb/leaf_table.h"
 
 namespace nerfvdb {
 
@@ -72,8 +73,7 @@ public:
 
 private:
     Vec3i dims_ = Vec3i::Zero();
-    Vec3i table_dims_ = Vec3i::Zero();  // leaves per axis
-    std::vector<std::int32_t> table_;   // leaf number by leaf coordinate, or -1
+    LeafTable table_;  // leaf number, or -1
     std::vector<Vec3i> leaf_coords_;
     std::vector<LeafMask> cells_;
     std::vector<LeafMask> voxels_;

@@ -19,9 +19,13 @@ inline constexpr int kPadding = 16;  // elements; one 512-bit vector of floats
 
 /// Sparse bricks of 8^3 values as plain arrays; see vdb/topology.h for the words.
 struct Bricks {
-    const std::int32_t* skip_table = nullptr;  // [x][y][z] by leaf: leaf number if it has occupied cells, else -d:
-                                               // every leaf nearer than d in each axis is empty too (d >= 1)
-    std::int32_t table_dims[3] = {0, 0, 0};    // leaves per axis
+    // What a ray meets, in two steps (vdb/leaf_table.h). [x][y][z] by node of 8^3 leaves: where its leaves stand below,
+    // or -d: every node nearer than d in each axis is empty too (d >= 1). [node][512] by leaf: its number if it has
+    // occupied cells, or -d: every leaf nearer than d is empty.
+    const std::int32_t* skip_nodes = nullptr;
+    const std::int32_t* skip_leaves = nullptr;
+    std::int32_t node_dims[3] = {0, 0, 0};     // nodes per axis
+    std::int32_t leaf_dims[3] = {0, 0, 0};     // leaves per axis
     const std::int32_t* upper_neighbours = nullptr;  // [leaf][8]
     const std::uint64_t* occupied = nullptr;         // [leaf][8] bits of occupied cells
     const float* density = nullptr;                  // [leaf][512] raw density; for sigmaForward, sigma

@@ -41,13 +41,17 @@ int marchRays(const Bricks& bricks, const RayTile& rays, float step, int max_per
             int leaf_coord[3], cell[3];
             float fraction[3];
             for (int axis = 0; axis < 3; ++axis) {
-                leaf_coord[axis] = std::clamp(static_cast<int>(p[axis]) >> 3, 0, bricks.table_dims[axis] - 1);
+                leaf_coord[axis] = std::clamp(static_cast<int>(p[axis]) >> 3, 0, bricks.leaf_dims[axis] - 1);
                 const float local = p[axis] - static_cast<float>(leaf_coord[axis] * 8);
                 cell[axis] = std::clamp(static_cast<int>(local), 0, 7);
                 fraction[axis] = std::clamp(local - static_cast<float>(cell[axis]), 0.0f, 1.0f);
             }
-            const std::int32_t leaf = bricks.skip_table[(static_cast<std::size_t>(leaf_coord[0]) * bricks.table_dims[1] +
-                                                         leaf_coord[1]) * bricks.table_dims[2] + leaf_coord[2]];
+            const std::int32_t node =
+                bricks.skip_nodes[(static_cast<std::size_t>(leaf_coord[0] / 8) * bricks.node_dims[1] +
+                                   leaf_coord[1] / 8) * bricks.node_dims[2] + leaf_coord[2] / 8];
+            if (node < 0) continue;
+            const std::int32_t leaf = bricks.skip_leaves[node * std::size_t{512} + (leaf_coord[0] % 8) * 64 +
+                                                         (leaf_coord[1] % 8) * 8 + leaf_coord[2] % 8];
             if (leaf < 0) continue;
             const int bit = cell[1] * 8 + cell[2];
             if (!(bricks.occupied[leaf * std::size_t{8} + cell[0]] >> bit & 1)) continue;

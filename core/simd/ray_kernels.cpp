@@ -48,22 +48,29 @@ int marchRays(const Bricks& bricks, const RayTile& rays, float step, int max_per
                 k = -1;
                 break;
             }
-            std::int32_t leaf_coord[3];
+            std::int32_t leaf_coord[3], node_coord[3];
             for (int axis = 0; axis < 3; ++axis) {
                 std::int32_t c = static_cast<std::int32_t>(o[axis] + d[axis] * t) >> 3;
                 c = c < 0 ? 0 : c;
-                leaf_coord[axis] = c < bricks.table_dims[axis] ? c : bricks.table_dims[axis] - 1;
+                leaf_coord[axis] = c < bricks.leaf_dims[axis] ? c : bricks.leaf_dims[axis] - 1;
+                node_coord[axis] = leaf_coord[axis] >> 3;
             }
+            const std::int32_t node =
+                bricks.skip_nodes[(static_cast<std::size_t>(node_coord[0]) * bricks.node_dims[1] + node_coord[1]) *
+                                      bricks.node_dims[2] + node_coord[2]];
             const std::int32_t leaf =
-                bricks.skip_table[(static_cast<std::size_t>(leaf_coord[0]) * bricks.table_dims[1] + leaf_coord[1]) *
-                                      bricks.table_dims[2] + leaf_coord[2]];
+                node < 0 ? node
+                         : bricks.skip_leaves[static_cast<std::size_t>(node) * 512 + (leaf_coord[0] & 7) * 64 +
+                                              (leaf_coord[1] & 7) * 8 + (leaf_coord[2] & 7)];
 
-            // The cube to cross: this leaf, or all the empty leaves around it.
+            // The cube to cross: this leaf, or all the empty leaves or nodes around it.
             const std::int32_t reach = leaf < 0 ? -leaf : 1;
+            const std::int32_t* const place = node < 0 ? node_coord : leaf_coord;
+            const std::int32_t edge = node < 0 ? 64 : 8;
             float t_exit = length;
             for (int axis = 0; axis < 3; ++axis) {
-                const float lo = static_cast<float>((leaf_coord[axis] - reach + 1) * 8);
-                const float hi = static_cast<float>((leaf_coord[axis] + reach) * 8);
+                const float lo = static_cast<float>((place[axis] - reach + 1) * edge);
+                const float hi = static_cast<float>((place[axis] + reach) * edge);
                 const float e = exitDistance(lo, hi, o[axis], inverse[axis]);
                 t_exit = e < t_exit ? e : t_exit;
             }

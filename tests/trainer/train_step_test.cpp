@@ -144,7 +144,7 @@ TEST_CASE("gradients of the whole step, from voxels and network to the loss, agr
         std::vector<Section> sections{
             {"densities", state.field.density().data(), std::vector<float>(state.field.density().size()), 0.00125f, kSmooth},
             {"features", state.field.features().data(), std::vector<float>(state.field.features().size()), 0.0025f, kKinks}};
-        stepper.voxelGradients(state.field, [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask&) {
+        stepper.voxelGradients(state, [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask&) {
             const std::size_t first = static_cast<std::size_t>(leaf) * kLeafVoxels;
             std::copy_n(gradient.density, kLeafVoxels, &sections[0].gradient[first]);
             std::copy_n(gradient.features, 8 * kLeafVoxels, &sections[1].gradient[8 * first]);

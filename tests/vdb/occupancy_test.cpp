@@ -25,18 +25,23 @@ void forEachIjk(const Vec3i& dims, const Visit& visit) {
             for (int z = 0; z < dims.z(); ++z) visit(Vec3i(x, y, z));
 }
 
-/// Chebyshev distance from every leaf to the nearest that has an occupied cell, by looking at all of them.
+/// Chebyshev distance from every leaf to the nearest that has an occupied cell, by looking at all of them; in nodes
+/// where a whole node has none.
 int countWrongDistances(const Topology& topology, const Occupancy& occupancy) {
     const Vec3i dims = topology.dims() / kLeafDim;
-    REQUIRE(occupancy.table_dims == dims);
+    REQUIRE(occupancy.skip.dims == dims);
     int wrong = 0;
     forEachIjk(dims, [&](const Vec3i& here) {
-        int nearest = dims.maxCoeff() + 1;
+        int nearest = std::numeric_limits<int>::max(), nearest_node = occupancy.skip.node_dims.maxCoeff() + 1;
         for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf)
-            if (occupancy.cells[leaf] != LeafMask{})
-                nearest = std::min(nearest, (topology.leafCoords()[leaf] - here).cwiseAbs().maxCoeff());
-        const std::int32_t entry = occupancy.skip_table[(here.x() * dims.y() + here.y()) * dims.z() + here.z()];
-        wrong += nearest == 0 ? entry != topology.findLeaf(here) : entry != -nearest;
+            if (occupancy.cells[leaf] != LeafMask{}) {
+                const Vec3i& there = topology.leafCoords()[leaf];
+                nearest = std::min(nearest, (there - here).cwiseAbs().maxCoeff());
+                nearest_node = std::min(nearest_node, (there / kNodeDim - here / kNodeDim).cwiseAbs().maxCoeff());
+            }
+        const std::int32_t entry = occupancy.skip.at(here);
+        if (nearest == 0) wrong += entry != topology.findLeaf(here);
+        else wrong += entry != -(nearest_node > 0 ? nearest_node : std::min(nearest, kNodeDim + 1));
     });
     return wrong;
 }
@@ -90,15 +95,15 @@ TEST_CASE("the thresholds' ends: none lets every existing cell in, total opacity
 }
 
 TEST_CASE("the skip table holds the Chebyshev distance to the nearest occupied leaf") {
-    const Vec3i dims(88, 40, 64);
-    for (const double share : {0.0, 0.00002, 0.0002, 0.005}) {
+    const Vec3i dims(328, 72, 264);  // 6 x 2 x 5 nodes, the last ones cut off
+    for (const double share : {0.0, 5e-7, 2e-6, 2e-5, 5e-4}) {
         CAPTURE(share);
         const Topology topology = test::randomTopology(dims, share, 7);
         CHECK(countWrongDistances(topology, occupancyFromCells(topology, {topology.cells().begin(),
                                                                           topology.cells().end()})) == 0);
     }
     // Leaves without an occupied cell, or that only hold upper corners, are jumped like absent ones.
-    const Topology topology = test::randomTopology(dims, 0.0002, 8);
+    const Topology topology = test::randomTopology(dims, 2e-5, 8);
     std::vector<LeafMask> cells(topology.cells().begin(), topology.cells().end());
     for (std::size_t leaf = 0; leaf < cells.size(); leaf += 2) cells[leaf] = {};
     CHECK(countWrongDistances(topology, occupancyFromCells(topology, cells)) == 0);
