@@ -95,7 +95,7 @@ GradientOrder timeGradientOrder(const Model& model, const Dataset& dataset, int 
     const std::vector<std::function<void()>> bodies = {
         [&] {
             for (TileGradients& tile : tiles) tile.bin(field.topology());
-            scatter.run(field.topology(), channels, tiles, 0,
+            scatter.run(field.topology(), channels, tiles,
                         [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask&) {
                             move(static_cast<std::size_t>(leaf), gradient);
                         });

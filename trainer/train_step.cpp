@@ -69,7 +69,8 @@ StepReport TrainStepper::differentiate(const TrainState& state, const RaySource&
 }
 
 void TrainStepper::voxelGradients(const TrainState& state, const LeafScatter::UseLeaf& use) {
-    scatter_.run(state.field.topology(), state.field.channels(), std::span(gradients_.data(), n_tiles_), state.min_seen, use);
+    scatter_.run(state.field.topology(), state.field.channels(), std::span(gradients_.data(), n_tiles_), use,
+                 state.min_seen);
 }
 
 std::span<const float> TrainStepper::networkGradient() {

@@ -39,7 +39,7 @@ void TileGradients::bin(const Topology& topology) {
 }
 
 void LeafScatter::run(const Topology& topology, int channels, std::span<const TileGradients> tiles,
-                      float min_seen, const UseLeaf& use) {
+                      const UseLeaf& use, float min_seen) {
     const std::size_t per_part = leavesPerPart(topology);
     parallelFor(kScatterParts, [&](std::size_t part) {
         Scratch& scratch = scratch_.local();

@@ -53,8 +53,8 @@ public:
     /// left cleared, as rmsPropLeaf does; `seen` has the bits of the leaf's own cells that hold a kept sample
     /// of at least `min_seen` weight.
     using UseLeaf = std::function<void(std::int32_t leaf, const LeafGradient& gradient, const LeafMask& seen)>;
-    void run(const Topology& topology, int channels, std::span<const TileGradients> tiles, float min_seen,
-             const UseLeaf& use);
+    void run(const Topology& topology, int channels, std::span<const TileGradients> tiles, const UseLeaf& use,
+             float min_seen = 0);
 
 private:
     struct Entry {

@@ -58,7 +58,7 @@ Gathered scatterAll(const VoxelField& field, std::span<const TileGradients> tile
     std::atomic<int> calls = 0;
     LeafScatter scatter;
     for (int round = 0; round < 2; ++round)  // the second finds what the first left
-        scatter.run(field.topology(), field.channels(), tiles, 0,
+        scatter.run(field.topology(), field.channels(), tiles,
                     [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask& seen) {
                         std::memcpy(&all.density[leaf * std::size_t{kLeafVoxels}], gradient.density,
                                     kLeafVoxels * 4);

@@ -74,7 +74,7 @@ TEST_CASE("gradients of density and features agree with central differences thro
     tiles[0].bin(field.topology());
     std::vector<float> dl_ddensity(field.density().size()), dl_dfeatures(field.features().size());
     LeafScatter scatter;
-    scatter.run(field.topology(), kChannels, tiles, 0,
+    scatter.run(field.topology(), kChannels, tiles,
                 [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask&) {
                     for (int v = 0; v < kLeafVoxels; ++v) {
                         dl_ddensity[static_cast<std::size_t>(leaf) * kLeafVoxels + v] = gradient.density[v];
