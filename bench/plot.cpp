@@ -3,10 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 
 #include "bench/number_text.h"
+#include "bench/svg_text.h"
 
 namespace nerfvdb {
 namespace {
@@ -23,55 +23,6 @@ constexpr double kCharWidth = 6.6;  // of 12 px text, on the wide side
 constexpr const char* kColours[] = {"#2f7fd6", "#e0832a", "#2a9d6f", "#c95ba0",
                                     "#8b6fd6", "#b8971f", "#d64545", "#3fa9b8"};
 constexpr int kShapes = 4;
-
-constexpr const char* kStyle =
-    "text{font-family:system-ui,-apple-system,'Segoe UI','DejaVu Sans',sans-serif;font-size:12px;fill:#2b2f36}"
-    ".title{font-size:16px;font-weight:600}.small{font-size:10.5px;fill:#6a707b}"
-    ".sheet{fill:#ffffff}.frame{fill:none;stroke:#8a909b}.grid{stroke:#e4e7eb}"
-    ".front{fill:none;stroke:#8a909b;stroke-opacity:.45;stroke-width:9;stroke-linejoin:round;stroke-linecap:"
-    "round}"
-    "@media (prefers-color-scheme:dark){text{fill:#d9dde4}.small{fill:#959ba6}.sheet{fill:#15181d}"
-    ".frame{stroke:#717783}.grid{stroke:#2a2f37}}";
-
-std::string escaped(const std::string& text) {
-    std::string out;
-    for (const char c : text) {
-        switch (c) {
-            case '&':
-                out += "&amp;";
-                break;
-            case '<':
-                out += "&lt;";
-                break;
-            case '>':
-                out += "&gt;";
-                break;
-            case '"':
-                out += "&quot;";
-                break;
-            default:
-                out += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
-        }
-    }
-    return out;
-}
-
-/// Pixels with one decimal; no "-0.0".
-std::string px(double value) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%.1f", std::round(value * 10) / 10 + 0.0);
-    return text;
-}
-
-std::string textAt(double x, double y, const std::string& attributes, const std::string& text) {
-    return "<text x=\"" + px(x) + "\" y=\"" + px(y) + "\"" + (attributes.empty() ? "" : " " + attributes) +
-           ">" + escaped(text) + "</text>\n";
-}
-
-std::string lineBetween(double x0, double y0, double x1, double y1, const std::string& attributes) {
-    return "<line x1=\"" + px(x0) + "\" y1=\"" + px(y0) + "\" x2=\"" + px(x1) + "\" y2=\"" + px(y1) + "\" " +
-           attributes + "/>\n";
-}
 
 /// Where a quantity lies along an axis, and its ticks.
 class Scale {
@@ -268,12 +219,7 @@ std::string svgText(const Plot& plot) {
     const Scale x(plot.x, xs, left, right, 8);
     const Scale y(plot.y, ys, has_categories ? kTop : bottom, has_categories ? bottom : kTop, 7);
 
-    std::string svg =
-        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"" +
-        px(sheet_width) + "\" height=\"" + px(sheet_height) + "\" viewBox=\"0 0 " + px(sheet_width) + " " +
-        px(sheet_height) + "\" role=\"img\">\n<title>" + escaped(plot.title) + "</title>\n<style>" +
-        escaped(kStyle) + "</style>\n<rect class=\"sheet\" width=\"" + px(sheet_width) + "\" height=\"" +
-        px(sheet_height) + "\"/>\n";
+    std::string svg = svgBegin(sheet_width, sheet_height, plot.title);
     svg += textAt(24, 34, "class=\"title\"", plot.title);
 
     for (const double tick : x.ticks()) {

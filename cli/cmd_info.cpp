@@ -1,29 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// nerfvdb info: what a model or a data set holds.
+// nerfvdb info: what a model, a volume or a data set holds.
 #include <algorithm>
-#include <optional>
-#include <utility>
+#include <cmath>
 
 #include "cli/commands.h"
+#include "cli/dataset_info.h"
+#include "cli/output_path.h"
 #include "core/error.h"
-#include "trainer/dataset.h"
 #include "vdb/model_file.h"
 
 namespace nerfvdb {
 namespace {
 
 struct InfoWords {
-    std::string path;
+    std::string path, plot;
     SharedOptions shared;
 };
-
-Json vectorJson(const Vec3d& v) { return {v.x(), v.y(), v.z()}; }
-Json boxJson(const Box& box) { return {{"min", vectorJson(box.min)}, {"max", vectorJson(box.max)}}; }
-
-std::string boxText(const Box& box) {
-    return formatted("[%.4g, %.4g, %.4g] to [%.4g, %.4g, %.4g]", box.min.x(), box.min.y(), box.min.z(),
-                     box.max.x(), box.max.y(), box.max.z());
-}
 
 void describeModel(const InfoWords& words) {
     const Model model = loadModel(words.path);
@@ -87,107 +79,65 @@ void describeModel(const InfoWords& words) {
     words.shared.finish(json, text);
 }
 
-/// "800x800" or "800x800 to 1024x800".
-std::string sizesText(const Dataset& dataset) {
-    const Camera* smallest = &dataset.views.front().camera;
-    const Camera* largest = smallest;
-    for (const View& view : dataset.views) {
-        const auto area = [](const Camera& c) { return static_cast<long long>(c.width) * c.height; };
-        if (area(view.camera) < area(*smallest)) smallest = &view.camera;
-        if (area(view.camera) > area(*largest)) largest = &view.camera;
+/// Any other .vdb file: its grids, as they are.
+void describeVolume(const InfoWords& words) {
+    Json grids = Json::array();
+    std::string text = "volume: " + words.path + "\n";
+    for (const GridFacts& grid : listGrids(words.path)) {
+        grids.push_back({{"name", grid.name},
+                         {"type", grid.type},
+                         {"class", grid.grid_class},
+                         {"active_voxels", grid.active_voxels},
+                         {"dims", {grid.dims.x(), grid.dims.y(), grid.dims.z()}},
+                         {"voxel_size", vectorJson(grid.voxel_size)},
+                         {"bounds", boxJson(grid.bounds)}});
+        const Vec3d& h = grid.voxel_size;
+        const bool is_cube = (h.array() - h.x()).abs().maxCoeff() <= 1e-9 * std::abs(h.x());
+        text += formatted("grid %s: %s, %s, %zu active voxels", grid.name.empty() ? "(no name)" : grid.name.c_str(),
+                          grid.type.c_str(), grid.grid_class.c_str(), grid.active_voxels);
+        text += is_cube ? formatted(" of %.4g world units\n", h.x())
+                        : formatted(" of %.4g x %.4g x %.4g world units\n", h.x(), h.y(), h.z());
+        if (grid.active_voxels > 0)
+            text += formatted("    %d x %d x %d voxels, %s\n", grid.dims.x(), grid.dims.y(), grid.dims.z(),
+                              boxText(grid.bounds).c_str());
     }
-    const std::string low = formatted("%dx%d", smallest->width, smallest->height);
-    const std::string high = formatted("%dx%d", largest->width, largest->height);
-    return low == high ? low : low + " to " + high;
-}
-
-Box cameraBox(const Dataset& dataset) {
-    Box box{dataset.views.front().camera.position, dataset.views.front().camera.position};
-    for (const View& view : dataset.views) {
-        box.min = box.min.cwiseMin(view.camera.position);
-        box.max = box.max.cwiseMax(view.camera.position);
-    }
-    return box;
-}
-
-/// Reads the split without pictures; an absent one gives nothing, unless it is the one that training needs.
-std::optional<Dataset> readSplit(const std::filesystem::path& path, Split split) {
-    Report silent;  // warnings are part of the answer here
-    try {
-        return readDataset(path, split, {.strict = false, .load_photos = false}, silent);
-    } catch (const Error&) {
-        if (split == Split::train) throw;
-        return std::nullopt;
-    }
-}
-
-bool haveSameViews(const Dataset& a, const Dataset& b) {
-    return std::equal(a.views.begin(), a.views.end(), b.views.begin(), b.views.end(),
-                      [](const View& u, const View& v) { return u.path == v.path; });
-}
-
-void describeDataset(const InfoWords& words) {
-    constexpr std::pair<Split, const char*> kSplits[] = {
-        {Split::train, "train"}, {Split::val, "val"}, {Split::test, "test"}};
-    Json json = {
-        {"command", "info"}, {"kind", "data"}, {"splits", Json::object()}, {"warnings", Json::array()}};
-    std::string text = "data set: " + words.path + "\n";
-    std::vector<std::string> warnings;
-    const std::optional<Dataset> test = readSplit(words.path, Split::test);
-    for (const auto& [split, name] : kSplits) {
-        const std::optional<Dataset> dataset = split == Split::test ? test : readSplit(words.path, split);
-        if (!dataset || dataset->views.empty()) {
-            text += std::string(name) + ": none\n";
-            continue;
-        }
-        if (split == Split::val && test && haveSameViews(*dataset, *test)) {
-            text += "val: none of its own; test serves\n";
-            continue;
-        }
-        const Camera& first = dataset->views.front().camera;
-        const Box cameras = cameraBox(*dataset);
-        json["splits"][name] = {{"views", dataset->views.size()},   {"width", first.width},
-                                {"height", first.height},           {"focal_length", first.fx},
-                                {"alpha", dataset->has_alpha},      {"distorted", !first.distortion.isZero()},
-                                {"camera_bounds", boxJson(cameras)}};
-        text +=
-            formatted("%s: %zu views, %s%s%s, focal length %.1f pixels\n    cameras in %s\n", name,
-                      dataset->views.size(), sizesText(*dataset).c_str(), dataset->has_alpha ? ", alpha" : "",
-                      first.distortion.isZero() ? "" : ", lens distortion", first.fx, boxText(cameras).c_str());
-        if (split == Split::train && dataset->aabb_scale) {
-            json["aabb_scale"] = *dataset->aabb_scale;
-            text += formatted("aabb_scale: %g\n", *dataset->aabb_scale);
-        }
-        for (const std::string& warning : dataset->warnings)
-            if (std::find(warnings.begin(), warnings.end(), warning) == warnings.end())
-                warnings.push_back(warning);
-    }
-    for (const std::string& warning : warnings) {
-        json["warnings"].push_back(warning);
-        text += "warning: " + warning + "\n";
-    }
-    words.shared.finish(json, text);
+    if (grids.empty()) text += "no grids\n";
+    const auto file_bytes = std::filesystem::file_size(words.path);
+    text += "file: " + sizeText(static_cast<double>(file_bytes)) + "\n";
+    words.shared.finish(
+        {{"command", "info"}, {"kind", "volume"}, {"grids", grids}, {"file_bytes", file_bytes}}, text);
 }
 
 void runInfo(const InfoWords& words) {
     const auto limit = words.shared.begin();
     const std::filesystem::path path = words.path;
     if (!std::filesystem::exists(path))
-        throw IoError(words.path, "nothing", "a model (.vdb) or a data set", "check the path");
+        throw IoError(words.path, "nothing", "a model or volume (.vdb) or a data set", "check the path");
     const bool is_data = std::filesystem::is_directory(path) || path.extension() == ".json";
-    if (is_data)
-        describeDataset(words);
-    else
+    if (!words.plot.empty() && !is_data)
+        throw UsageError("--plot", words.path + ", which is no data set", "a data set, whose cameras can be drawn");
+    if (!words.plot.empty()) prepareOutputFile("--plot", words.plot);
+    if (is_data) {
+        const Description description = describeDataset(path, words.plot);
+        words.shared.finish(description.json, description.text);
+    } else if (isVdbFile(path) && !isModelFile(path)) {
+        describeVolume(words);
+    } else {
         describeModel(words);
+    }
 }
 
 }  // namespace
 
 Command addInfo(CLI::App& program) {
     auto words = std::make_shared<InfoWords>();
-    CLI::App& app = *program.add_subcommand("info", "Tell what a model or a data set holds");
-    app.add_option("PATH", words->path, "A model, or a data set as for train")->required();
-    words->shared.add(app, "  nerfvdb info lego.vdb\n  nerfvdb info data/lego --json -");
+    CLI::App& app = *program.add_subcommand("info", "Tell what a model, a volume or a data set holds");
+    app.add_option("PATH", words->path, "A model, any .vdb volume, or a data set as for train")->required();
+    app.add_option("--plot", words->plot,
+                   "Draw the cameras of a data set from above and from the side, held-out ones in another colour, with "
+                   "the box that training would take")
+        ->type_name("FILE.svg");
+    words->shared.add(app, "  nerfvdb info lego.vdb\n  nerfvdb info data/lego --plot cameras.svg --json -");
     return {&app, [words] { runInfo(*words); }};
 }
 

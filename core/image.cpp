@@ -204,6 +204,18 @@ ImageHeader readImageHeader(const fs::path& path) {
     return {spec.width, spec.height, findChannels(spec).alpha >= 0};
 }
 
+PhotoOrigin readPhotoOrigin(const fs::path& path) {
+    const std::unique_ptr<ImageInput> input = openImage(path);
+    const ImageSpec& spec = input->spec();
+    PhotoOrigin origin{spec.width, spec.height, {}, spec.get_float_attribute("Exif:FocalLength"), false};
+    for (const char* name : {"Make", "Model", "Exif:LensModel"}) {
+        const std::string word(spec.get_string_attribute(name));
+        if (!word.empty()) origin.camera += (origin.camera.empty() ? "" : " ") + word;
+    }
+    origin.has_position = spec.find_attribute("GPS:Latitude") && spec.find_attribute("GPS:Longitude");
+    return origin;
+}
+
 Image readImage(const fs::path& path) {
     checkEnd(path);
     const std::unique_ptr<ImageInput> input = openImage(path);

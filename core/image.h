@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <string>
 #include <vector>
 
 namespace nerfvdb {
@@ -45,6 +46,17 @@ struct ImageHeader {
 
 /// The header alone, without decoding. Throws as readPhoto.
 ImageHeader readImageHeader(const std::filesystem::path& path);
+
+/// What a photograph says of how it was taken (EXIF); empty or zero where it does not say.
+struct PhotoOrigin {
+    int width = 0, height = 0;
+    std::string camera;          // make and model, and the lens where it has a name
+    double focal_length_mm = 0;  // of the lens
+    bool has_position = false;   // latitude and longitude
+};
+
+/// The header alone, without decoding. Throws as readPhoto.
+PhotoOrigin readPhotoOrigin(const std::filesystem::path& path);
 
 /// Reads every channel as float without any conversion (EXR stays linear, PNG becomes [0, 1]).
 Image readImage(const std::filesystem::path& path);

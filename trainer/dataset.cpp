@@ -58,9 +58,9 @@ void loadPhotos(Dataset& dataset, Report& report) {
 
 Dataset readDataset(const std::filesystem::path& path, Split split, const DatasetOptions& options,
                     Report& report) {
-    Dataset dataset = readTransforms(path, split, options.strict);
+    Dataset dataset = readTransforms(path, split, options.strict, options.check_poses);
     for (const std::string& warning : dataset.warnings) report.warn(warning);
-    if (split == Split::train) checkPositionsDiffer(dataset);
+    if (split == Split::train && options.check_poses) checkPositionsDiffer(dataset);
     if (options.load_photos) loadPhotos(dataset, report);
     return dataset;
 }

@@ -36,6 +36,7 @@ struct Dataset {
 struct DatasetOptions {
     bool strict = false;      // a frame whose image is absent is an error, not a warning
     bool load_photos = true;  // false: cameras only (info, render)
+    bool check_poses = true;  // false: cameras come as they are written, also unusable ones (info)
 };
 
 /// Reads a split of a data set: a folder with transforms_{train,val,test}.json (NeRF-synthetic; any of these

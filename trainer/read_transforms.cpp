@@ -236,10 +236,12 @@ Mat3d nearestRotation(Mat3d rotation) {
     return rotation;
 }
 
-Camera readCamera(const JsonNode& frame, const Lens& file_lens, const Frame& source, const ImageHeader& image) {
+Camera readCamera(const JsonNode& frame, const Lens& file_lens, const Frame& source, const ImageHeader& image,
+                  bool check_pose) {
     Camera camera = intrinsics(readLens(frame, file_lens), frame, source, image);
     readPose(frame.at("transform_matrix"), camera);
     const std::string problem = cameraProblem(camera);
+    if (!problem.empty() && !check_pose) return camera;
     if (!problem.empty())
         (problem.find("pose") != std::string::npos ? frame.at("transform_matrix") : frame)
             .fail(problem, "a usable camera (rigid pose, camera to world)");
@@ -273,7 +275,7 @@ bool hasTransforms(const fs::path& path) {
            fs::exists(splitFile(path, Split::val)) || fs::exists(splitFile(path, Split::test));
 }
 
-Dataset readTransforms(const fs::path& path, Split split, bool strict) {
+Dataset readTransforms(const fs::path& path, Split split, bool strict, bool check_poses) {
     Dataset dataset;
     dataset.root = path;
     const Source source = findSource(path, split, dataset.warnings);
@@ -302,7 +304,7 @@ Dataset readTransforms(const fs::path& path, Split split, bool strict) {
     for (const Frame& frame : frames) {
         const ImageHeader image = readImageHeader(frame.image);
         dataset.has_alpha |= image.has_alpha;
-        dataset.views.push_back({readCamera(list.element(frame.index), lens, frame, image), frame.image, {}});
+        dataset.views.push_back({readCamera(list.element(frame.index), lens, frame, image, check_poses), frame.image, {}});
     }
     return dataset;
 }

@@ -22,6 +22,7 @@ bool hasTransforms(const std::filesystem::path& path);
 /// Throws DataError naming file and field: absent keys, values that make no camera, lens models that are not
 /// supported, a size that contradicts the image, a file_path outside the folder, an empty split, fewer than
 /// half of the images present (with `strict`: any absent).
-Dataset readTransforms(const std::filesystem::path& path, Split split, bool strict);
+/// Without `check_poses`, cameras that cameraProblem() complains about come as they are written.
+Dataset readTransforms(const std::filesystem::path& path, Split split, bool strict, bool check_poses = true);
 
 }  // namespace nerfvdb

@@ -344,7 +344,37 @@ Model loadModel(const std::filesystem::path& path) {
     }
 }
 
+namespace {
+
+GridFacts factsOf(const openvdb::GridBase& grid) {
+    GridFacts facts;
+    facts.name = grid.getName();
+    facts.type = grid.valueType();
+    facts.grid_class = openvdb::GridBase::gridClassToMenuName(grid.getGridClass());
+    std::transform(facts.grid_class.begin(), facts.grid_class.end(), facts.grid_class.begin(),
+                   [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 'a' - 'A') : c; });
+    facts.active_voxels = grid.activeVoxelCount();
+    facts.voxel_size = Vec3d(grid.voxelSize().asPointer());
+    const openvdb::CoordBBox voxels = grid.evalActiveVoxelBoundingBox();
+    if (voxels.empty()) return facts;
+    facts.dims = Vec3i(voxels.dim().asPointer());
+    // OpenVDB's values sit at integer coordinates, in the middle of their cubes.
+    const openvdb::BBoxd world = grid.transform().indexToWorld(
+        openvdb::BBoxd(voxels.min().asVec3d() - openvdb::Vec3d(0.5), voxels.max().asVec3d() + openvdb::Vec3d(0.5)));
+    facts.bounds = {Vec3d(world.min().asPointer()), Vec3d(world.max().asPointer())};
+    return facts;
+}
+
+}  // namespace
+
 std::vector<GridFacts> listGrids(const std::filesystem::path& path) {
+    std::string beginning = readBeginning(path);
+    if (hasVdbMagic(beginning) && checkVdbSeal(beginning) != VdbSeal::foreign) {
+        std::string bytes = readFile(path);
+        if (checkVdbSeal(bytes) == VdbSeal::broken)
+            throw DataError(path.string(), "damaged or truncated content (it does not match its checksum)",
+                            "a whole file", "write it again");
+    }
     try {
         openvdb::initialize();
         openvdb::io::File file(path.string());
@@ -352,10 +382,10 @@ std::vector<GridFacts> listGrids(const std::filesystem::path& path) {
         const openvdb::GridPtrVecPtr found = file.getGrids();
         std::vector<GridFacts> grids;
         for (const openvdb::GridBase::Ptr& grid : *found)
-            grids.push_back({grid->getName(), grid->valueType(), grid->activeVoxelCount()});
+            grids.push_back(factsOf(*grid));
         return grids;
     } catch (const openvdb::Exception& error) {
-        throw unreadable(path, error);
+        throw DataError(path.string(), std::string("OpenVDB's error \"") + error.what() + "\"", "a .vdb file");
     }
 }
 

@@ -24,10 +24,15 @@ Model loadModel(const std::filesystem::path& path);
 /// One grid of a .vdb file.
 struct GridFacts {
     std::string name, type;  // type of a value, such as "float"
+    std::string grid_class;  // "fog volume", "level set", "unknown", ... as OpenVDB says
     std::size_t active_voxels = 0;
+    Vec3i dims = Vec3i::Zero();          // of the smallest box of voxels around the active ones
+    Vec3d voxel_size = Vec3d::Zero();    // world units along the grid's own axes
+    Box bounds;                          // world box of that box of voxels, their whole cubes; zero when none is active
 };
 
-/// The grids that other programs find in a .vdb file. Throws DataError when it is none.
+/// The grids that other programs find in a .vdb file. Throws DataError when it is none, or one that this program wrote
+/// and that was damaged since.
 std::vector<GridFacts> listGrids(const std::filesystem::path& path);
 
 /// True for models, whole or damaged, of any version: not for other .vdb files. Throws as isVdbFile.

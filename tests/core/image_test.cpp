@@ -11,6 +11,7 @@
 #include "core/image_end.h"
 #include "core/random.h"
 #include "tests/support/catch.h"
+#include "tests/support/exif.h"
 #include "tests/support/small_disk.h"
 #include "tests/support/temp_dir.h"
 
@@ -181,6 +182,30 @@ TEST_CASE("JPEG is close to what was written", "[core]") {
     double sum = 0;
     for (std::size_t i = 0; i < image.pixels.size(); ++i) sum += std::abs(again.pixels[i] - image.pixels[i]);
     CHECK(sum / image.pixels.size() < 0.02);  // a smooth picture at quality 95: a few levels of 255
+}
+
+TEST_CASE("a photograph tells camera, focal length and place, where it knows them", "[core]") {
+    const TempDir dir;
+    writeImage(dir / "plain.jpg", Image(8, 6, 3));
+    const PhotoOrigin plain = readPhotoOrigin(dir / "plain.jpg");
+    CHECK(plain.width == 8);
+    CHECK(plain.height == 6);
+    CHECK(plain.camera.empty());
+    CHECK(plain.focal_length_mm == 0);
+    CHECK(!plain.has_position);
+
+    const std::string jpeg = readFile(dir / "plain.jpg");
+    writeAtomically(dir / "told.jpg", nerfvdb::testing::withExif(jpeg, {"Maker", "Mark II", 24.5, {{-12.5, 131.25}}}));
+    const PhotoOrigin told = readPhotoOrigin(dir / "told.jpg");
+    CHECK(told.width == 8);
+    CHECK(told.camera == "Maker Mark II");
+    CHECK(told.focal_length_mm == Approx(24.5));
+    CHECK(told.has_position);
+    CHECK(readPhoto(dir / "told.jpg").pixels.size() == 48);
+
+    writeAtomically(dir / "nowhere.jpg", nerfvdb::testing::withExif(jpeg, {"Maker", "", 0, {}}));
+    CHECK(readPhotoOrigin(dir / "nowhere.jpg").camera == "Maker");
+    CHECK(!readPhotoOrigin(dir / "nowhere.jpg").has_position);
 }
 
 TEST_CASE("a file cut short anywhere is an error", "[core]") {
