@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // nerfvdb train: photographs in; model.vdb, model.ckpt (for --resume) and model.csv (how it went) out.
+#include <algorithm>
 #include <map>
 
 #include "cli/commands.h"
@@ -16,7 +17,7 @@ namespace nerfvdb {
 namespace {
 
 struct TrainWords {
-    std::string data, out, preset, time, steps, background = "auto", max_memory;
+    std::string data, out, preset, time, steps, background = "auto", exposure = "auto", max_memory;
     std::vector<double> bounds;
     std::uint64_t seed = TrainOptions{}.seed;
     bool resume = false, strict = false;
@@ -30,9 +31,12 @@ TrainOptions trainOptions(const TrainWords& words) {
                                                                        {"white", BackgroundMode::white},
                                                                        {"black", BackgroundMode::black},
                                                                        {"random", BackgroundMode::random}};
+    static const std::map<std::string, ExposureMode> kExposures = {
+        {"auto", ExposureMode::automatic}, {"on", ExposureMode::on}, {"off", ExposureMode::off}};
     TrainOptions options;
     if (!words.preset.empty()) options.preset = kPresets.at(words.preset);
     options.background = kBackgrounds.at(words.background);
+    options.exposure = kExposures.at(words.exposure);
     if (!words.time.empty()) options.time_s = parseDuration("--time", words.time);
     if (!words.steps.empty()) options.steps = parseSteps("--steps", words.steps);
     if (!words.bounds.empty()) options.bounds = parseBounds("--bounds", words.bounds);
@@ -43,10 +47,10 @@ TrainOptions trainOptions(const TrainWords& words) {
 
 /// What the checkpoint decides cannot be asked for again.
 void checkResume(const CLI::App& app) {
-    for (const char* option : {"--preset", "--time", "--steps", "--background", "--bounds", "--seed"})
+    for (const char* option : {"--preset", "--time", "--steps", "--background", "--exposure", "--bounds", "--seed"})
         if (app.count(option) > 0)
             throw UsageError("--resume", std::string(option) + " too",
-                             "plan, seed, background and box to be those of the checkpoint",
+                             "plan, seed, background, exposure and box to be those of the checkpoint",
                              "leave out " + std::string(option) + ", or train anew without --resume");
 }
 
@@ -99,6 +103,8 @@ void runTrain(const TrainWords& words) {
                        {"seed", result.model.info.seed},
                        {"views", dataset.views.size()},
                        {"held_out_views", held_out.size()},
+                       {"exposure_learned", !result.gains.empty()},
+                       {"exposure_gains", result.gains},
                        {"interrupted", result.interrupted},
                        {"notes", result.notes}};
     std::string text =
@@ -107,6 +113,10 @@ void runTrain(const TrainWords& words) {
                   sizeText(static_cast<double>(std::filesystem::file_size(out))).c_str());
     text += formatted("%s in all, at most %s of memory\n", durationText(seconds).c_str(),
                       sizeText(static_cast<double>(peakMemoryBytes())).c_str());
+    if (!result.gains.empty()) {
+        const auto [low, high] = std::minmax_element(result.gains.begin(), result.gains.end());
+        text += formatted("photographs show a mid grey %.2f to %.2f times as bright as the model does\n", *low, *high);
+    }
     words.shared.finish(json, text);
     const std::string stopped =
         result.interrupted ? "stopped at step " + std::to_string(result.steps) + " as asked, and " : "";
@@ -150,6 +160,11 @@ Command addTrain(CLI::App& program) {
                    "where photographs have alpha, else their mean colour [auto]")
         ->check(CLI::IsMember({"auto", "white", "black", "random"}))
         ->type_name("NAME");
+    app.add_option("--exposure", words->exposure,
+                   "Learn what exposure and white balance did to each photograph, as an affine map of its colours; the "
+                   "model shows the mean of them: on, off, or auto: on where photographs have no alpha [auto]")
+        ->check(CLI::IsMember({"auto", "on", "off"}))
+        ->type_name("NAME");
     app.add_option("--bounds", words->bounds, "Box of the scene in world units [from the data]")
         ->expected(6)
         ->delimiter(',')
@@ -158,8 +173,9 @@ Command addTrain(CLI::App& program) {
                    "Stop refining where training would need more: 4GB, 512MiB")
         ->type_name("SIZE");
     app.add_flag("--resume", words->resume,
-                 "Continue from the checkpoint beside --out, on the same data. Plan, seed, background and box are "
-                 "those of the checkpoint: no --preset, --time, --steps, --background, --bounds, --seed");
+                 "Continue from the checkpoint beside --out, on the same data. Plan, seed, background, exposure and "
+                 "box are those of the checkpoint: no --preset, --time, --steps, --background, --exposure, --bounds, "
+                 "--seed");
     app.add_flag("--strict", words->strict, "A frame without its image is an error, not a warning");
     app.add_option("--seed", words->seed, "Same seed and --steps, same file, byte for byte [1]")
         ->check(CLI::NonNegativeNumber)

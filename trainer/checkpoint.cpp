@@ -16,7 +16,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "checkpoints are little-endian");
 
-constexpr std::string_view kHead = "nerfvdb-checkpoint 3\n";
+constexpr std::string_view kHead = "nerfvdb-checkpoint 4\n";
 constexpr std::size_t kHashDigits = 32;
 
 /// Visits fields by appending them to a string.
@@ -170,6 +170,7 @@ void visitLearner(Visitor& visit, TrainState& state, std::vector<float>& network
     visit.values(state.network.first);
     visit.values(state.network.second);
     visit.value(state.network.count);
+    state.exposures.visit(visit);
     visit.values(state.occupancy.cells);
     visit.values(state.seen);
     visitVector(visit, state.background);
@@ -216,7 +217,7 @@ void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainP
     if (!bytes.starts_with(kHead.substr(0, kHead.size() - 2)))
         throw DataError(path.string(), "another kind of file", "a nerfvdb checkpoint", "train without --resume");
     if (!bytes.starts_with(kHead))
-        throw DataError(path.string(), "a checkpoint of another version", "version 3", "train without --resume");
+        throw DataError(path.string(), "a checkpoint of another version", "version 4", "train without --resume");
     const std::size_t begin = kHead.size() + kHashDigits + 1;
     if (bytes.size() < begin ||
         contentHash(std::as_bytes(std::span(bytes.substr(begin)))) != bytes.substr(kHead.size(), kHashDigits))
@@ -240,7 +241,8 @@ void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainP
     const Topology& topology = state.field.topology();
     state.density_moment = HugeArray<float>(state.field.density().size());
     state.feature_moment = HugeArray<float>(state.field.density().size());
-    bool fits = network.size() == state.decoder.parameters().size() && state.seen.size() == topology.leafCount() &&
+    bool fits = (!state.exposures.learned() || state.exposures.viewCount() == static_cast<std::size_t>(place.n_views)) &&
+                network.size() == state.decoder.parameters().size() && state.seen.size() == topology.leafCount() &&
                 state.occupancy.cells.size() == topology.leafCount();
     if (fits) std::copy(network.begin(), network.end(), state.decoder.parameters().begin());
     std::vector<float> values;

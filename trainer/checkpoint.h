@@ -26,7 +26,7 @@ struct TrainPlace {
     std::string data_hash;             // ... and its datasetHash, to refuse another one
 };
 
-/// Layout: "nerfvdb-checkpoint 3\n", 32 hexadecimal digits (content hash of all that follows) and "\n", then the
+/// Layout: "nerfvdb-checkpoint 4\n", 32 hexadecimal digits (content hash of all that follows) and "\n", then the
 /// fields in the order of checkpoint.cpp, little-endian.
 void saveCheckpoint(const std::filesystem::path& path, const TrainState& state, const TrainPlace& place);
 

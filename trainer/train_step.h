@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/optimizer.h"
+#include "trainer/exposure.h"
 #include "trainer/ray_source.h"
 #include "vdb/decoder.h"
 #include "vdb/leaf_scatter.h"
@@ -19,6 +20,7 @@ struct StepRates {
     float density = 0.2f;
     float features = 0.03f;
     float network = 3e-3f;
+    float exposure = 5e-3f;
     float decay = 0.95f;     // of the voxels' second moments
     float epsilon = 1e-4f;   // on gradients summed over the batch
     float sparsity = 0.01f;  // see RmsPropRates: free space becomes empty although no view contradicts its fog ...
@@ -33,6 +35,7 @@ struct TrainState {
     HugeArray<float> feature_moment;  // [leaf][512], one for all channels of a voxel
     Decoder decoder;
     Adam network;
+    Exposures exposures;              // of the photographs; not part of the model
     Occupancy occupancy;
     std::vector<LeafMask> seen;       // [leaf] cells that held a kept sample since the last reset
     Vec3f background = Vec3f::Ones();
@@ -61,9 +64,11 @@ public:
     /// The two halves of a step. First the loss (squared_error + state.distortion * distortion) and its gradient; nothing moves ...
     StepReport differentiate(const TrainState& state, const RaySource& source, std::uint64_t step, int batch,
                              const TraceOptions& trace);
-    /// ... which stands here: of the voxels, leaf by leaf as LeafScatter::run hands it out, once; of the network.
+    /// ... which stands here: of the voxels, leaf by leaf as LeafScatter::run hands it out, once; of the network ...
     void voxelGradients(const VoxelField& field, const LeafScatter::UseLeaf& use);
     std::span<const float> networkGradient();
+    /// ... and of the exposures, [view][Exposures::kValues].
+    std::vector<float> exposureGradient(const Exposures& exposures) const;
 
 private:
     static constexpr int kMaxTileRays = 256;
@@ -78,6 +83,7 @@ private:
     struct Tile {
         std::vector<float> dl_dnetwork;
         StepReport report;
+        std::vector<ExposedRay> exposed;  // empty unless exposures are learned
     };
     void runTile(const TrainState& state, const RaySource& source, std::uint64_t step, int first_ray, int n_rays,
                  const TraceScene& scene, const TraceOptions& trace, Tile& tile, TileGradients& gradients);

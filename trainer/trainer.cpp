@@ -177,6 +177,8 @@ void Training::start() {
     place_.data_hash = datasetHash(dataset_);
     place_.next_occupancy = kFirstOccupancy;
     chooseBackground();
+    if (options_.exposure == ExposureMode::on || (options_.exposure == ExposureMode::automatic && !dataset_.has_alpha))
+        state_.exposures = Exposures(dataset_.views.size(), /*with_background=*/!dataset_.has_alpha);
     max_levels_ = std::min(plan.max_levels, usefulLevels(dataset_, box, grid.frame.voxel_size));
     planFromOptions();
     checkFinestVoxel(box, grid.frame.voxel_size);
@@ -297,6 +299,7 @@ StepRates Training::rates() const {
     rates.density *= factor;
     rates.features *= factor;
     rates.network *= factor;
+    rates.exposure *= factor;
     // As smooth per world unit at every level: at large voxels neighbours differ more, and smoothing helps less.
     rates.density_smoothing *= static_cast<float>(std::exp2(place_.stages[place_.stage].level - (kMaxLevels - 1)));
     return rates;
@@ -455,6 +458,7 @@ TrainResult Training::finish(bool interrupted) {
     result.steps = place_.step;
     result.interrupted = interrupted;
     result.active_voxels = result.model.field.topology().voxelCount();
+    result.gains = state_.exposures.gains();
     result.checkpoint_error = checkpoint_error_;
     result.notes = notes_;
     return result;
