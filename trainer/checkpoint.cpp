@@ -129,6 +129,7 @@ void visitPlace(Visitor& visit, TrainPlace& place) {
     visit.value(place.seed);
     visit.value(place.n_views);
     visit.values(place.data_hash);
+    visit.value(place.tries_exposure);
 }
 
 /// The grid and everything small that belongs to the state.

@@ -2,6 +2,7 @@
 #include "trainer/exposure.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace nerfvdb {
 namespace {
@@ -59,6 +60,12 @@ std::vector<double> Exposures::gains() const {
         gains.push_back((static_cast<double>(shown[0]) + shown[1] + shown[2]) / 1.5);
     }
     return gains;
+}
+
+double Exposures::spread() const {
+    double sum = 0;
+    for (const double gain : gains()) sum += (gain - 1) * (gain - 1);
+    return learned() ? std::sqrt(sum / static_cast<double>(viewCount())) : 0;
 }
 
 }  // namespace nerfvdb

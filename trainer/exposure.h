@@ -59,6 +59,7 @@ public:
     bool withBackground() const { return with_background_; }
     std::size_t viewCount() const { return values_.size() / kValues; }
     Exposure of(int view) const;
+    std::span<float> values() { return values_; }  // [view][kValues]: matrix - I by rows, offset
 
     /// Gradient of a batch's summed loss, [view][kValues]; the order of the rays, not of threads, is that of the sum.
     std::vector<float> gradient(std::span<const ExposedRay> rays) const;
@@ -68,6 +69,8 @@ public:
 
     /// How bright each photograph shows a mid grey of the scene, 1 as it is; [view].
     std::vector<double> gains() const;
+    /// Root mean square of gains - 1.
+    double spread() const;
 
     /// What a checkpoint keeps, in its order.
     template <typename Visitor>
@@ -80,7 +83,7 @@ public:
     }
 
 private:
-    std::vector<float> values_;  // [view][kValues]: matrix - I by rows, offset
+    std::vector<float> values_;
     bool with_background_ = true;
     Adam adam_;
 };

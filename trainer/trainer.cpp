@@ -28,6 +28,7 @@ constexpr double kCheckpointSeconds = 60;   // between checkpoints, at least ...
 constexpr double kCheckpointShare = 0.02;   // ... and so rarely that they cost no more than this share of the time
 constexpr std::int64_t kFirstOccupancy = 32, kLastOccupancy = 512;  // steps between updates, growing inside a stage
 constexpr std::int64_t kProbeSteps = 40;    // of a stage, before its cost is believed
+constexpr double kSameExposure = 0.05;      // spread of gains that is not worth learning: fox has 0.03 and loses by it
 constexpr double kSaveSeconds = 0.3, kSaveSecondsPerVoxel = 1.0e-6;  // pruning and writing the model
 
 /// Seconds since it was made.
@@ -110,6 +111,7 @@ private:
     bool runStage();  // false: the user asked to stop
     void stepOnce();
     void enterStage();
+    void settleExposure();
     void refine();
     void updateOccupancy();
     StepRates rates() const;
@@ -177,7 +179,8 @@ void Training::start() {
     place_.data_hash = datasetHash(dataset_);
     place_.next_occupancy = kFirstOccupancy;
     chooseBackground();
-    if (options_.exposure == ExposureMode::on || (options_.exposure == ExposureMode::automatic && !dataset_.has_alpha))
+    place_.tries_exposure = options_.exposure == ExposureMode::automatic && !dataset_.has_alpha;
+    if (place_.tries_exposure || options_.exposure == ExposureMode::on)
         state_.exposures = Exposures(dataset_.views.size(), /*with_background=*/!dataset_.has_alpha);
     max_levels_ = std::min(plan.max_levels, usefulLevels(dataset_, box, grid.frame.voxel_size));
     planFromOptions();
@@ -321,11 +324,25 @@ TrainResult Training::run() {
 
 void Training::enterStage() {
     const int level = stage().level;
+    if (place_.tries_exposure) settleExposure();
     ++place_.stage;
     place_.step_in_stage = 0;
     place_.next_occupancy = kFirstOccupancy;
     if (stage().level != level) refine();
     else if (plans_time_ && step_seconds_ > 0) replanForTime();
+}
+
+/// Photographs that hardly differ are better learned as they are: a model shows such differences by itself, between
+/// neighbouring directions, and held-out photographs have them too.
+void Training::settleExposure() {
+    place_.tries_exposure = false;
+    const double spread = state_.exposures.spread();
+    char text[128];
+    std::snprintf(text, sizeof text, "exposure: photographs differ by %.1f %%: %s", 100 * spread,
+                  spread < kSameExposure ? "taken as equal (--exposure on learns it)" : "learned for each");
+    notes_.push_back(text);
+    report_.info(text);
+    if (spread < kSameExposure) state_.exposures = Exposures();
 }
 
 bool Training::runStage() {

@@ -24,7 +24,7 @@ struct TrainOptions {
     std::optional<double> time_s;               // wall time from process start to file on disk
     std::vector<std::int64_t> steps;            // total number of steps (one entry) or steps per stage (all entries)
     BackgroundMode background = BackgroundMode::automatic;
-    ExposureMode exposure = ExposureMode::automatic;  // on for photographs without alpha
+    ExposureMode exposure = ExposureMode::automatic;  // on where photographs without alpha differ by it
     std::optional<Box> bounds;                  // world units
     std::optional<std::size_t> max_memory_bytes;
     std::uint64_t seed = 1;
