@@ -6,9 +6,11 @@
 #include "cli/commands.h"
 #include "cli/csv_log.h"
 #include "cli/output_path.h"
+#include "cli/photo_words.h"
 #include "cli/process.h"
 #include "cli/quantities.h"
 #include "core/error.h"
+#include "trainer/downscale.h"
 #include "trainer/model_cameras.h"
 #include "trainer/trainer.h"
 #include "vdb/model_file.h"
@@ -21,6 +23,7 @@ struct TrainWords {
     std::vector<double> bounds;
     std::uint64_t seed = TrainOptions{}.seed;
     bool resume = false, strict = false;
+    PhotoWords photos;
     SharedOptions shared;
 };
 
@@ -70,15 +73,18 @@ void runTrain(const TrainWords& words) {
                       "train without --resume first");
 
     TerminalReport report;
-    const Dataset dataset =
-        readDataset(words.data, Split::train, {.strict = words.strict, .load_photos = true}, report);
+    DatasetOptions photographs;
+    photographs.strict = words.strict;
+    words.photos.apply(photographs);
+    const Dataset dataset = readDataset(words.data, Split::train, photographs, report);
     if (!dataset.views.empty()) {
         const Camera& camera = dataset.views.front().camera;
         report.info(formatted("%zu training views, the first of %dx%d", dataset.views.size(), camera.width,
                               camera.height));
     }
 
-    const std::vector<ModelCamera> held_out = heldOutCameras(words.data, report);
+    std::vector<ModelCamera> held_out = heldOutCameras(words.data, report);
+    for (ModelCamera& view : held_out) view.camera = downscaled(view.camera, words.photos.downscale());
 
     CsvLog log(beside(".csv"), words.resume, report);
     options.elapsed_s = secondsSinceProcessStart();
@@ -103,6 +109,8 @@ void runTrain(const TrainWords& words) {
                        {"seed", result.model.info.seed},
                        {"views", dataset.views.size()},
                        {"held_out_views", held_out.size()},
+                       {"downscale", words.photos.downscale()},
+                       {"masked_share", maskedShare(dataset)},
                        {"exposure_learned", !result.gains.empty()},
                        {"exposure_gains", result.gains},
                        {"interrupted", result.interrupted},
@@ -178,6 +186,7 @@ Command addTrain(CLI::App& program) {
                  "box are those of the checkpoint: no --preset, --time, --steps, --background, --exposure, --bounds, "
                  "--seed");
     app.add_flag("--strict", words->strict, "A frame without its image is an error, not a warning");
+    words->photos.add(app);
     app.add_option("--seed", words->seed, "Same seed and --steps, same file, byte for byte [1]")
         ->check(CLI::NonNegativeNumber)
         ->type_name("S");

@@ -18,7 +18,8 @@ std::string viewHash(const View& view) {
     numbers.insert(numbers.end(), c.world_from_camera.data(), c.world_from_camera.data() + 9);
     numbers.insert(numbers.end(), c.position.data(), c.position.data() + 3);
     return contentHash(std::as_bytes(std::span(numbers))) +
-           contentHash(std::as_bytes(std::span(view.photo.pixels)));
+           contentHash(std::as_bytes(std::span(view.photo.pixels))) +
+           (view.mask.empty() ? "" : contentHash(std::as_bytes(std::span(view.mask.tiles()))));
 }
 
 }  // namespace

@@ -18,6 +18,16 @@ std::string decibels(double value) {
     return text;
 }
 
+double maskedSsim(const Image& picture, const Image& truth, const View& view) {
+    try {
+        return ssim(picture, truth, view.mask);
+    } catch (const UsageError& error) {
+        if (view.mask.empty()) throw;
+        throw DataError(view.mask_path.string(), "a mask that leaves nothing to compare (" + std::string(error.what()) + ")",
+                        "some part of the photograph that counts as a whole", "use --no-masks");
+    }
+}
+
 }  // namespace
 
 Image photoOver(const Photo& photo, const Vec3f& background) {
@@ -63,13 +73,16 @@ Evaluation evaluate(const RenderView& render, const Vec3f& background, const Dat
         const Image truth = photoOver(view.photo, background);
         ViewScore score;
         score.index = index;
-        score.psnr = psnr(picture.rgb, truth);
-        score.ssim = ssim(picture.rgb, truth);
+        score.psnr = psnr(picture.rgb, truth, view.mask);
+        score.ssim = maskedSsim(picture.rgb, truth, view);
+        score.masked_share = view.mask.empty() ? 0 : 1 - static_cast<double>(view.mask.count()) /
+                                                             (static_cast<double>(truth.width) * truth.height);
         score.seconds = seconds.count();
         score.counters = picture.counters;
 
         result.psnr += score.psnr;
         result.ssim += score.ssim;
+        result.masked_share += score.masked_share;
         result.seconds_per_frame += score.seconds;
         result.counters += score.counters;
         if (on_view) on_view(score, picture.rgb);
@@ -82,6 +95,7 @@ Evaluation evaluate(const RenderView& render, const Vec3f& background, const Dat
     const auto n = static_cast<double>(result.views.size());
     result.psnr /= n;
     result.ssim /= n;
+    result.masked_share /= n;
     result.seconds_per_frame /= n;
     return result;
 }

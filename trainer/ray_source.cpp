@@ -10,7 +10,9 @@
 namespace nerfvdb {
 namespace {
 
-constexpr int kTilePixels = 8;
+constexpr int kTilePixels = PixelMask::kTile;
+
+constexpr std::uint64_t kAgain = 0x9e3779b97f4a7c15;  // odd, and unlike what draw makes of the same bits
 
 int tilesAlong(int pixels) { return (pixels + kTilePixels - 1) / kTilePixels; }
 
@@ -50,9 +52,10 @@ void RaySource::update(const VoxelField& field, const Occupancy& occupancy) {
             for (int y = y0; y <= y1; ++y)
                 for (int x = x0; x <= x1; ++x) is_live[static_cast<std::size_t>(y) * tiles_x + x] = 1;
         }
+        const PixelMask& mask = dataset_->views[v].mask;
         for (int y = 0; y < tiles_y; ++y)
             for (int x = 0; x < tiles_x; ++x)
-                if (all || is_live[static_cast<std::size_t>(y) * tiles_x + x])
+                if ((all || is_live[static_cast<std::size_t>(y) * tiles_x + x]) && (mask.empty() || mask.tile(x, y) != 0))
                     found[v].push_back({static_cast<std::uint16_t>(v), static_cast<std::uint16_t>(x),
                                         static_cast<std::uint16_t>(y)});
     });
@@ -61,7 +64,14 @@ void RaySource::update(const VoxelField& field, const Occupancy& occupancy) {
 }
 
 RaySource::Pick RaySource::pick(std::uint64_t step, std::uint64_t index) const {
-    const std::uint64_t bits = randomBits(seed_, step, index);
+    // Until a pixel is met that counts, so that all of them are drawn alike: each tile has one, it is soon met.
+    for (std::uint64_t bits = randomBits(seed_, step, index);; bits = mixBits(bits + kAgain)) {
+        const Pick picked = pickAny(bits);
+        if (dataset_->views[static_cast<std::size_t>(picked.view)].mask.counts(picked.x, picked.y)) return picked;
+    }
+}
+
+RaySource::Pick RaySource::pickAny(std::uint64_t bits) const {
     const Tile& tile = tiles_[(bits >> 32) * tiles_.size() >> 32];
     const Camera& camera = dataset_->views[tile.view].camera;
     const int x0 = tile.x * kTilePixels, y0 = tile.y * kTilePixels;

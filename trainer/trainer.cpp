@@ -40,14 +40,18 @@ private:
     std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-/// Mean colour of all photos (sRGB values): what an opaque scene shows where nothing is known.
+/// Mean colour of what counts in all photos (sRGB values): what an opaque scene shows where nothing is known.
 Vec3f meanColour(const Dataset& dataset) {
     constexpr std::size_t kStride = 101;  // a prime: no column of pixels is looked at again and again
     Vec3d sum = Vec3d::Zero();
     double n = 0;
     for (const View& view : dataset.views)
-        for (std::size_t i = 0; i < view.photo.pixels.size(); i += kStride, ++n)
+        for (std::size_t i = 0; i < view.photo.pixels.size(); i += kStride) {
+            const auto width = static_cast<std::size_t>(view.photo.width);
+            if (!view.mask.counts(static_cast<int>(i % width), static_cast<int>(i / width))) continue;
             for (int c = 0; c < 3; ++c) sum[c] += view.photo.pixels[i][c] / 255.0;
+            ++n;
+        }
     return n > 0 ? Vec3f((sum / n).cast<float>()) : Vec3f::Zero();
 }
 
