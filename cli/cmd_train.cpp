@@ -19,7 +19,7 @@ namespace nerfvdb {
 namespace {
 
 struct TrainWords {
-    std::string data, out, preset, time, steps, background = "auto", exposure = "auto", max_memory;
+    std::string data, out, preset, time, steps, background = "auto", exposure = "auto", max_memory, cache;
     std::vector<double> bounds;
     std::uint64_t seed = TrainOptions{}.seed;
     bool resume = false, strict = false;
@@ -67,6 +67,7 @@ void runTrain(const TrainWords& words) {
         return std::filesystem::path(out).replace_extension(extension);
     };
     for (const char* extension : {".vdb", ".ckpt", ".csv"}) prepareOutputFile("--out", beside(extension));
+    if (!words.cache.empty()) prepareOutputFolder("--cache", words.cache);
     const std::filesystem::path checkpoint = beside(".ckpt");
     if (words.resume && !std::filesystem::exists(checkpoint))
         throw IoError(checkpoint.string(), "no file", "the checkpoint that --resume continues",
@@ -76,6 +77,8 @@ void runTrain(const TrainWords& words) {
     DatasetOptions photographs;
     photographs.strict = words.strict;
     words.photos.apply(photographs);
+    if (options.max_memory_bytes) photographs.max_photo_bytes = *options.max_memory_bytes / 2;
+    photographs.cache_folder = words.cache.empty() ? out.parent_path() : std::filesystem::path(words.cache);
     const Dataset dataset = readDataset(words.data, Split::train, photographs, report);
     if (!dataset.views.empty()) {
         const Camera& camera = dataset.views.front().camera;
@@ -179,8 +182,12 @@ Command addTrain(CLI::App& program) {
         ->delimiter(',')
         ->type_name("X0 Y0 Z0 X1 Y1 Z1");
     app.add_option("--max-memory", words->max_memory,
-                   "Stop refining where training would need more: 4GB, 512MiB")
+                   "Stop refining where training would need more: 4GB, 512MiB. Photographs that would take more than half "
+                   "of it are decoded into a file on disk and read from there")
         ->type_name("SIZE");
+    app.add_option("--cache", words->cache,
+                   "Folder for that file; it has no name and is gone when the program ends [that of --out]")
+        ->type_name("DIR");
     app.add_flag("--resume", words->resume,
                  "Continue from the checkpoint beside --out, on the same data. Plan, seed, background, exposure and "
                  "box are those of the checkpoint: no --preset, --time, --steps, --background, --exposure, --bounds, "

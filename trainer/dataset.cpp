@@ -4,9 +4,11 @@
 #include <algorithm>
 #include <cstdio>
 #include <exception>
+#include <memory>
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "core/photo_cache.h"
 #include "trainer/downscale.h"
 #include "trainer/mask.h"
 #include "trainer/read_transforms.h"
@@ -76,11 +78,24 @@ void tellOfMasks(Dataset& dataset, const std::vector<std::uint8_t>& was_scaled, 
              dataset.views[static_cast<std::size_t>(first - was_scaled.begin())].mask_path.string() + ")");
 }
 
+/// Where photographs go that are too many for memory; null if they are not.
+std::unique_ptr<PhotoCache> cacheFor(const Dataset& dataset, const DatasetOptions& options, Report& report) {
+    std::size_t bytes = 0;
+    for (const View& view : dataset.views)
+        bytes += static_cast<std::size_t>(view.camera.width) * view.camera.height * sizeof(Photo::Pixel);
+    if (!options.max_photo_bytes || bytes <= *options.max_photo_bytes) return nullptr;
+    const std::filesystem::path folder = options.cache_folder.empty() ? "." : options.cache_folder;
+    report.info("photographs of " + std::to_string(bytes >> 20) + " MiB are kept on disk, in " + folder.string() + ": memory has " +
+                std::to_string(*options.max_photo_bytes >> 20) + " MiB for them");
+    return std::make_unique<PhotoCache>(folder);
+}
+
 /// Decodes in blocks, in parallel: between blocks the caller hears how far it is and may stop it. An exception
 /// must not leave a parallel loop (which of several would win is chance): each is kept, the first is thrown.
 void loadPhotos(Dataset& dataset, const DatasetOptions& options, Report& report) {
     const std::size_t n = dataset.views.size();
-    const std::size_t block = 8 * static_cast<std::size_t>(threadCount());
+    const std::unique_ptr<PhotoCache> cache = cacheFor(dataset, options, report);
+    const std::size_t block = (cache ? 1 : 8) * static_cast<std::size_t>(threadCount());
     const std::filesystem::path folder =
         std::filesystem::is_directory(dataset.root) ? dataset.root : dataset.root.parent_path();
     std::vector<std::uint8_t> was_scaled(n, 0);
@@ -95,6 +110,7 @@ void loadPhotos(Dataset& dataset, const DatasetOptions& options, Report& report)
                 view.photo = readPhoto(view.path);
                 if (options.use_masks) was_scaled[begin + i] = loadMask(view, folder, options.downscale);
                 if (options.downscale > 1) view.photo = downscaled(view.photo, options.downscale);
+                if (cache) view.photo = cache->add(view.photo);
             } catch (...) {
                 errors[i] = std::current_exception();
             }

@@ -41,6 +41,8 @@ struct DatasetOptions {
     bool load_photos = true;  // false: cameras only (info, render)
     bool use_masks = true;    // with the photos
     int downscale = 1;        // photos, masks and cameras of 1/N of the width and height; see downscale.h
+    std::optional<std::size_t> max_photo_bytes = {};  // photos that take more are kept in a PhotoCache ...
+    std::filesystem::path cache_folder = {};           // ... there
 };
 
 /// Reads a split of a data set: a folder with transforms_{train,val,test}.json (NeRF-synthetic; any of these

@@ -32,13 +32,15 @@ double maskedSsim(const Image& picture, const Image& truth, const View& view) {
 
 Image photoOver(const Photo& photo, const Vec3f& background) {
     Image image(photo.width, photo.height, 3);
-    for (std::size_t i = 0; i < photo.pixels.size(); ++i) {
-        const float alpha = static_cast<float>(photo.pixels[i][3]) / 255.0f;
-        for (int c = 0; c < 3; ++c) {
-            const float value = static_cast<float>(photo.pixels[i][c]) / 255.0f;
-            image.pixels[i * 3 + c] = alpha * value + (1.0f - alpha) * background[c];
+    for (int y = 0; y < photo.height; ++y)
+        for (int x = 0; x < photo.width; ++x) {
+            const Photo::Pixel& pixel = photo.at(x, y);
+            const float alpha = static_cast<float>(pixel[3]) / 255.0f;
+            for (int c = 0; c < 3; ++c) {
+                const float value = static_cast<float>(pixel[c]) / 255.0f;
+                image.at(x, y)[c] = alpha * value + (1.0f - alpha) * background[c];
+            }
         }
-    }
     return image;
 }
 

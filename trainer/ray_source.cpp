@@ -85,7 +85,7 @@ RaySource::Pick RaySource::pickAny(std::uint64_t bits) const {
 void RaySource::prefetch(std::uint64_t step, std::uint64_t index) const {
     const Pick picked = pick(step, index);
     const View& view = dataset_->views[picked.view];
-    __builtin_prefetch(&view.photo.pixels[static_cast<std::size_t>(picked.y) * view.camera.width + picked.x]);
+    __builtin_prefetch(&view.photo.at(picked.x, picked.y));
 }
 
 TrainingRay RaySource::draw(std::uint64_t step, std::uint64_t index) const {
@@ -94,7 +94,7 @@ TrainingRay RaySource::draw(std::uint64_t step, std::uint64_t index) const {
     TrainingRay drawn;
     drawn.ray = cameraRay(view.camera, picked.x + 0.5, picked.y + 0.5);
     drawn.jitter = unitFloat(static_cast<std::uint32_t>(picked.bits >> 32));
-    const auto& pixel = view.photo.pixels[static_cast<std::size_t>(picked.y) * view.camera.width + picked.x];
+    const Photo::Pixel& pixel = view.photo.at(picked.x, picked.y);
     for (int c = 0; c < 4; ++c) drawn.rgba[c] = static_cast<float>(pixel[c]) * (1.0f / 255.0f);
     drawn.bits = mixBits(picked.bits);
     drawn.view = picked.view;

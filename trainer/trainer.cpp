@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/metrics.h"
+#include "core/photo_cache.h"
 #include "trainer/checkpoint.h"
 #include "trainer/dataset_hash.h"
 #include "trainer/faint_cells.h"
@@ -46,10 +47,11 @@ Vec3f meanColour(const Dataset& dataset) {
     Vec3d sum = Vec3d::Zero();
     double n = 0;
     for (const View& view : dataset.views)
-        for (std::size_t i = 0; i < view.photo.pixels.size(); i += kStride) {
+        for (std::size_t i = 0; i < view.photo.pixelCount(); i += kStride) {
             const auto width = static_cast<std::size_t>(view.photo.width);
-            if (!view.mask.counts(static_cast<int>(i % width), static_cast<int>(i / width))) continue;
-            for (int c = 0; c < 3; ++c) sum[c] += view.photo.pixels[i][c] / 255.0;
+            const int x = static_cast<int>(i % width), y = static_cast<int>(i / width);
+            if (!view.mask.counts(x, y)) continue;
+            for (int c = 0; c < 3; ++c) sum[c] += view.photo.at(x, y)[c] / 255.0;
             ++n;
         }
     return n > 0 ? Vec3f((sum / n).cast<float>()) : Vec3f::Zero();
@@ -107,6 +109,9 @@ public:
     TrainResult run();
 
 private:
+    bool photosOnDisk() const { return !dataset_.views.empty() && dataset_.views.front().photo.tiles != nullptr; }
+    std::size_t mappedPhotoBytes() const;  // of photographs on disk that may stand in memory at once
+    void boundMappedPhotos();
     std::size_t memoryFor(const Topology& topology) const;  // of photographs, voxels and moments, bytes
     void chooseBackground();
     void planFromOptions();
@@ -208,9 +213,21 @@ void Training::resume() {
     report_.info("resuming at step " + std::to_string(place_.step) + " of " + std::to_string(totalSteps()));
 }
 
+std::size_t Training::mappedPhotoBytes() const {
+    constexpr std::size_t kShare = 8;  // of the memory allowed
+    return options_.max_memory_bytes.value_or(std::size_t{8} << 30) / kShare;
+}
+
+/// What was mapped counts as this process's memory until it is let go, though the system could take it at any time.
+void Training::boundMappedPhotos() {
+    if (!photosOnDisk() || mappedFileBytes() <= mappedPhotoBytes()) return;
+    for (const View& view : dataset_.views) releasePages(view.photo);
+}
+
 std::size_t Training::memoryFor(const Topology& topology) const {
     std::size_t photographs = 0;
     for (const View& view : dataset_.views) photographs += view.photo.pixels.size() * sizeof view.photo.pixels[0];
+    if (photosOnDisk()) photographs += mappedPhotoBytes();
     // A density, its moment and one moment for all features stand beside the features.
     return photographs + topology.leafCount() * kLeafVoxels * (state_.decoder.channels() + 3) * sizeof(float);
 }
@@ -373,6 +390,7 @@ bool Training::runStage() {
 
 void Training::stepOnce() {
     const double begin = clock_.seconds();
+    boundMappedPhotos();
     const StepReport result = stepper_.step(state_, source_, static_cast<std::uint64_t>(place_.step), stage().batch,
                                             rates(), trace_);
     if (!result.is_finite)
@@ -482,6 +500,7 @@ TrainResult Training::finish(bool interrupted) {
     result.gains = state_.exposures.gains();
     result.checkpoint_error = checkpoint_error_;
     result.notes = notes_;
+    if (photosOnDisk()) result.notes.push_back("photographs were read from a cache on disk, not from memory");
     return result;
 }
 
