@@ -399,7 +399,7 @@ test_threads() {
 }
 
 test_photographs() {
-    local file
+    local file number
     tiny_scene --no-truth
     tiny_model --json train.json
     has_keys train.json downscale masked_share exposure_learned exposure_gains
@@ -427,9 +427,16 @@ test_photographs() {
     expect 2 train data --out small.vdb --steps 60 --downscale 3
     says err "--downscale"
 
-    # Masks: a photograph serves as its own, dark is left out.
-    mkdir -p data/masks
-    cp -r data/train data/test data/masks
+    # Masks: where the model is opaque.
+    local split
+    for split in train test; do
+        expect 0 render model.vdb --data data --split $split --opacity --out opacity
+        mkdir -p data/masks/$split
+        for file in opacity/*.opacity.png; do
+            number=$(basename "$file" .opacity.png)
+            mv "$file" data/masks/$split/r_$((10#$number)).png
+        done
+    done
     expect 0 train data --out masked.vdb --steps 60 --json masked.json
     says err "masks leave out"
     ! grep -q '"masked_share": 0.0' masked.json || fail "nothing was masked"
