@@ -3,6 +3,7 @@
 #include "cli/commands.h"
 #include "cli/dataset_words.h"
 #include "cli/output_path.h"
+#include "cli/photo_words.h"
 #include "cli/process.h"
 #include "cli/scene_words.h"
 #include "trainer/evaluate.h"
@@ -14,6 +15,7 @@ struct EvalWords {
     SceneWords scene;
     std::string data, save;
     DatasetWords dataset;
+    PhotoWords photos;
     int every = 1;
     SharedOptions shared;
 };
@@ -27,6 +29,7 @@ Json evaluationJson(const Evaluation& evaluation, const Dataset& dataset) {
     Json json = {{"command", "eval"},
                  {"psnr", evaluation.psnr},
                  {"ssim", evaluation.ssim},
+                 {"masked_share", evaluation.masked_share},
                  {"seconds_per_frame", evaluation.seconds_per_frame},
                  {"samples_per_ray", ratio(counters.samples_density, counters.rays)},
                  {"feature_samples_per_ray", ratio(counters.samples_features, counters.rays)},
@@ -40,6 +43,7 @@ Json evaluationJson(const Evaluation& evaluation, const Dataset& dataset) {
                                  {"image", dataset.views[view.index].path.string()},
                                  {"psnr", view.psnr},
                                  {"ssim", view.ssim},
+                                 {"masked_share", view.masked_share},
                                  {"seconds", view.seconds}});
     return json;
 }
@@ -48,6 +52,9 @@ std::string evaluationText(const Evaluation& evaluation) {
     const TraceCounters& counters = evaluation.counters;
     return formatted("%zu views: PSNR %.3f dB, SSIM %.4f, %.3f s a frame\n", evaluation.views.size(),
                      evaluation.psnr, evaluation.ssim, evaluation.seconds_per_frame) +
+           (evaluation.masked_share > 0
+                ? formatted("%.1f %% of the pixels are masked and were not compared\n", 100 * evaluation.masked_share)
+                : std::string()) +
            formatted(
                "per ray: %.1f samples, %.1f with features (%.2f %% of a dense march); %.1f %% of rays "
                "skipped\n",
@@ -61,7 +68,9 @@ void runEval(const EvalWords& words) {
     if (!words.save.empty()) prepareOutputFolder("--save", words.save);
     TerminalReport report;
     const std::unique_ptr<Scene> scene = words.scene.load(false);
-    const Dataset dataset = words.dataset.read(words.data, true, report);
+    DatasetOptions photographs;
+    words.photos.apply(photographs);
+    const Dataset dataset = words.dataset.read(words.data, photographs, report);
 
     const auto save = [&](const ViewScore& score, const Image& rgb) {
         if (!words.save.empty())
@@ -69,7 +78,9 @@ void runEval(const EvalWords& words) {
     };
     const Evaluation evaluation = evaluate([&](const Camera& camera) { return scene->render(camera); },
                                            scene->background(), dataset, words.every, report, save);
-    words.shared.finish(evaluationJson(evaluation, dataset), evaluationText(evaluation));
+    Json json = evaluationJson(evaluation, dataset);
+    json["downscale"] = words.photos.downscale();
+    words.shared.finish(json, evaluationText(evaluation));
 }
 
 }  // namespace
@@ -80,6 +91,7 @@ Command addEval(CLI::App& program) {
     words->scene.add(app);
     app.add_option("DATA", words->data, "The data set, as for train")->required();
     words->dataset.add(app);
+    words->photos.add(app);
     app.add_option("--every", words->every, "Score each Nth view only [1]")
         ->check(CLI::PositiveNumber)
         ->type_name("N");

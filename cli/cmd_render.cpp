@@ -46,7 +46,7 @@ std::vector<Camera> findCameras(const RenderWords& words, const Scene& scene, Re
         return orbitCameras(scene.occupiedBox(), words.orbit, words.up == "y" ? UpAxis::y : UpAxis::z,
                             size);
     std::vector<Camera> cameras;
-    for (const View& view : words.dataset.read(words.data, false, report).views) cameras.push_back(view.camera);
+    for (const View& view : words.dataset.read(words.data, {.load_photos = false}, report).views) cameras.push_back(view.camera);
     resizeCameras(cameras, words.width, words.height);
     return cameras;
 }

@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // nerfvdb train: photographs in; model.vdb, model.ckpt (for --resume) and model.csv (how it went) out.
+#include <algorithm>
 #include <map>
 
 #include "cli/commands.h"
 #include "cli/csv_log.h"
 #include "cli/output_path.h"
+#include "cli/photo_words.h"
 #include "cli/process.h"
 #include "cli/quantities.h"
 #include "core/error.h"
+#include "trainer/downscale.h"
 #include "trainer/model_cameras.h"
 #include "trainer/trainer.h"
 #include "vdb/model_file.h"
@@ -16,10 +19,11 @@ namespace nerfvdb {
 namespace {
 
 struct TrainWords {
-    std::string data, out, preset, time, steps, scene = "auto", background = "auto", max_memory;
+    std::string data, out, preset, time, steps, scene = "auto", background = "auto", exposure = "auto", max_memory, cache;
     std::vector<double> bounds;
     std::uint64_t seed = TrainOptions{}.seed;
     bool resume = false, strict = false;
+    PhotoWords photos;
     SharedOptions shared;
 };
 
@@ -32,10 +36,13 @@ TrainOptions trainOptions(const TrainWords& words) {
                                                                        {"random", BackgroundMode::random}};
     static const std::map<std::string, SceneExtent> kExtents = {
         {"auto", SceneExtent::automatic}, {"box", SceneExtent::box}, {"open", SceneExtent::open}};
+    static const std::map<std::string, ExposureMode> kExposures = {
+        {"auto", ExposureMode::automatic}, {"on", ExposureMode::on}, {"off", ExposureMode::off}};
     TrainOptions options;
     options.extent = kExtents.at(words.scene);
     if (!words.preset.empty()) options.preset = kPresets.at(words.preset);
     options.background = kBackgrounds.at(words.background);
+    options.exposure = kExposures.at(words.exposure);
     if (!words.time.empty()) options.time_s = parseDuration("--time", words.time);
     if (!words.steps.empty()) options.steps = parseSteps("--steps", words.steps);
     if (!words.bounds.empty()) options.bounds = parseBounds("--bounds", words.bounds);
@@ -46,10 +53,11 @@ TrainOptions trainOptions(const TrainWords& words) {
 
 /// What the checkpoint decides cannot be asked for again.
 void checkResume(const CLI::App& app) {
-    for (const char* option : {"--preset", "--time", "--steps", "--scene", "--background", "--bounds", "--seed"})
+    for (const char* option :
+         {"--preset", "--time", "--steps", "--scene", "--background", "--exposure", "--bounds", "--seed"})
         if (app.count(option) > 0)
             throw UsageError("--resume", std::string(option) + " too",
-                             "plan, seed, background and box to be those of the checkpoint",
+                             "plan, seed, background, exposure and box to be those of the checkpoint",
                              "leave out " + std::string(option) + ", or train anew without --resume");
 }
 
@@ -63,21 +71,27 @@ void runTrain(const TrainWords& words) {
         return std::filesystem::path(out).replace_extension(extension);
     };
     for (const char* extension : {".vdb", ".ckpt", ".csv"}) prepareOutputFile("--out", beside(extension));
+    if (!words.cache.empty()) prepareOutputFolder("--cache", words.cache);
     const std::filesystem::path checkpoint = beside(".ckpt");
     if (words.resume && !std::filesystem::exists(checkpoint))
         throw IoError(checkpoint.string(), "no file", "the checkpoint that --resume continues",
                       "train without --resume first");
 
     TerminalReport report;
-    const Dataset dataset =
-        readDataset(words.data, Split::train, {.strict = words.strict, .load_photos = true}, report);
+    DatasetOptions photographs;
+    photographs.strict = words.strict;
+    words.photos.apply(photographs);
+    if (options.max_memory_bytes) photographs.max_photo_bytes = *options.max_memory_bytes / 2;
+    photographs.cache_folder = words.cache.empty() ? out.parent_path() : std::filesystem::path(words.cache);
+    const Dataset dataset = readDataset(words.data, Split::train, photographs, report);
     if (!dataset.views.empty()) {
         const Camera& camera = dataset.views.front().camera;
         report.info(formatted("%zu training views, the first of %dx%d", dataset.views.size(), camera.width,
                               camera.height));
     }
 
-    const std::vector<ModelCamera> held_out = heldOutCameras(words.data, report);
+    std::vector<ModelCamera> held_out = heldOutCameras(words.data, report);
+    for (ModelCamera& view : held_out) view.camera = downscaled(view.camera, words.photos.downscale());
 
     CsvLog log(beside(".csv"), words.resume, report);
     options.elapsed_s = secondsSinceProcessStart();
@@ -102,6 +116,10 @@ void runTrain(const TrainWords& words) {
                        {"seed", result.model.info.seed},
                        {"views", dataset.views.size()},
                        {"held_out_views", held_out.size()},
+                       {"downscale", words.photos.downscale()},
+                       {"masked_share", maskedShare(dataset)},
+                       {"exposure_learned", !result.gains.empty()},
+                       {"exposure_gains", result.gains},
                        {"interrupted", result.interrupted},
                        {"notes", result.notes}};
     std::string text =
@@ -110,6 +128,10 @@ void runTrain(const TrainWords& words) {
                   sizeText(static_cast<double>(std::filesystem::file_size(out))).c_str());
     text += formatted("%s in all, at most %s of memory\n", durationText(seconds).c_str(),
                       sizeText(static_cast<double>(peakMemoryBytes())).c_str());
+    if (!result.gains.empty()) {
+        const auto [low, high] = std::minmax_element(result.gains.begin(), result.gains.end());
+        text += formatted("photographs show a mid grey %.2f to %.2f times as bright as the model does\n", *low, *high);
+    }
     words.shared.finish(json, text);
     const std::string stopped =
         result.interrupted ? "stopped at step " + std::to_string(result.steps) + " as asked, and " : "";
@@ -158,17 +180,30 @@ Command addTrain(CLI::App& program) {
                    "where photographs have alpha, else their mean colour [auto]")
         ->check(CLI::IsMember({"auto", "white", "black", "random"}))
         ->type_name("NAME");
-    app.add_option("--bounds", words->bounds, "Box of the scene, or the inner box of an open one, in world units [from the data]")
+    app.add_option("--exposure", words->exposure,
+                   "Learn what exposure and white balance did to each photograph, as an affine map of its colours; the "
+                   "model shows the mean of them: on, off, or auto: on where photographs without alpha are found to differ "
+                   "by more than 5 % [auto]")
+        ->check(CLI::IsMember({"auto", "on", "off"}))
+        ->type_name("NAME");
+    app.add_option("--bounds", words->bounds,
+                   "Box of the scene, or the inner box of an open one, in world units [from the data]")
         ->expected(6)
         ->delimiter(',')
         ->type_name("X0 Y0 Z0 X1 Y1 Z1");
     app.add_option("--max-memory", words->max_memory,
-                   "Stop refining where training would need more: 4GB, 512MiB")
+                   "Stop refining where training would need more: 4GB, 512MiB. Photographs that would take more than half "
+                   "of it are decoded into a file on disk and read from there")
         ->type_name("SIZE");
+    app.add_option("--cache", words->cache,
+                   "Folder for that file; it has no name and is gone when the program ends [that of --out]")
+        ->type_name("DIR");
     app.add_flag("--resume", words->resume,
-                 "Continue from the checkpoint beside --out, on the same data. Plan, seed, background and box are "
-                 "those of the checkpoint: no --preset, --time, --steps, --scene, --background, --bounds, --seed");
+                 "Continue from the checkpoint beside --out, on the same data. Plan, seed, background, exposure and "
+                 "box are those of the checkpoint: no --preset, --time, --steps, --scene, --background, --exposure, "
+                 "--bounds, --seed");
     app.add_flag("--strict", words->strict, "A frame without its image is an error, not a warning");
+    words->photos.add(app);
     app.add_option("--seed", words->seed, "Same seed and --steps, same file, byte for byte [1]")
         ->check(CLI::NonNegativeNumber)
         ->type_name("S");

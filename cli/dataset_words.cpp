@@ -12,10 +12,11 @@ void DatasetWords::add(CLI::App& command) {
     command.add_flag("--strict", strict_, "A frame without its image is an error, not a warning");
 }
 
-Dataset DatasetWords::read(const std::filesystem::path& path, bool load_photos, Report& report) const {
+Dataset DatasetWords::read(const std::filesystem::path& path, DatasetOptions options, Report& report) const {
     static const std::map<std::string, Split> kSplits = {
         {"train", Split::train}, {"val", Split::val}, {"test", Split::test}};
-    return readDataset(path, kSplits.at(split_), {.strict = strict_, .load_photos = load_photos}, report);
+    options.strict = strict_;
+    return readDataset(path, kSplits.at(split_), options, report);
 }
 
 }  // namespace nerfvdb

@@ -13,7 +13,7 @@ namespace nerfvdb {
 class DatasetWords {
 public:
     void add(CLI::App& command);
-    Dataset read(const std::filesystem::path& path, bool load_photos, Report& report) const;
+    Dataset read(const std::filesystem::path& path, DatasetOptions options, Report& report) const;
 
 private:
     std::string split_ = "test";

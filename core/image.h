@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -27,9 +28,23 @@ struct Image {
 
 /// One photograph as training keeps it: 8-bit sRGB with straight (unassociated) alpha, 4 bytes a pixel.
 struct Photo {
+    using Pixel = std::array<std::uint8_t, 4>;
+    static constexpr int kTile = 8;  // pixels along the side of a tile
+
     int width = 0, height = 0;
-    bool has_alpha = false;                          // false: every alpha is 255
-    std::vector<std::array<std::uint8_t, 4>> pixels;  // rows from the top
+    bool has_alpha = false;              // false: every alpha is 255
+    std::vector<Pixel> pixels;           // rows from the top; empty where they are ...
+    std::shared_ptr<const Pixel> tiles;  // ... in a PhotoCache, tile by tile, where neighbours share a page
+
+    const Pixel& at(int x, int y) const {
+        return tiles ? tiles.get()[tiledIndex(x, y)] : pixels[static_cast<std::size_t>(y) * width + x];
+    }
+    std::size_t pixelCount() const { return static_cast<std::size_t>(width) * height; }
+    std::size_t tiledIndex(int x, int y) const {
+        const std::size_t tiles_x = static_cast<std::size_t>((width + kTile - 1) / kTile);
+        const std::size_t tile = static_cast<std::size_t>(y / kTile) * tiles_x + static_cast<std::size_t>(x / kTile);
+        return tile * (kTile * kTile) + static_cast<std::size_t>(y % kTile * kTile + x % kTile);
+    }
 };
 
 /// Reads PNG, JPEG or EXR (whatever OpenImageIO knows). Straight alpha; EXR is encoded to sRGB, clamped to [0, 1].

@@ -90,10 +90,10 @@ void blurAcross(const std::array<double, kWindow>& window, const std::vector<dou
     }
 }
 
-/// Sum of the structural similarity over a row of blurred moments; Wang et al. 2004, eq. 13.
-double sumSimilarity(const Moments& m) {
+/// Sum of the structural similarity over columns [begin, end) of a row of blurred moments; Wang et al. 2004, eq. 13.
+double sumSimilarity(const Moments& m, std::size_t begin, std::size_t end) {
     double sum = 0;
-    for (std::size_t i = 0; i < m.a.size(); ++i) {
+    for (std::size_t i = begin; i < end; ++i) {
         const double means_squared = m.a[i] * m.a[i] + m.b[i] * m.b[i];
         const double means_product = m.a[i] * m.b[i];
         const double variances = m.squares[i] - means_squared;
@@ -103,10 +103,52 @@ double sumSimilarity(const Moments& m) {
     return sum;
 }
 
+void checkMask(const Image& image, const PixelMask& mask, const char* metric) {
+    if (!mask.empty() && (mask.width() != image.width || mask.height() != image.height))
+        throw UsageError(metric, "a mask of another size", "that of the images");
+}
+
+/// Mean squared error over the pixels that count.
+double maskedError(const Image& a, const Image& b, const PixelMask& mask) {
+    const double sum = sumOverRows(a.height, [&](int begin, int end) {
+        double rows_sum = 0;
+        for (int y = begin; y < end; ++y)
+            for (int x = 0; x < a.width; ++x) {
+                if (!mask.counts(x, y)) continue;
+                for (int c = 0; c < a.channels; ++c) {
+                    const double difference = static_cast<double>(a.at(x, y)[c]) - b.at(x, y)[c];
+                    rows_sum += difference * difference;
+                }
+            }
+        return rows_sum;
+    });
+    const std::size_t n = mask.count();
+    if (n == 0) throw UsageError("meanSquaredError", "a mask without a pixel that counts", "at least one");
+    return sum / (static_cast<double>(n) * a.channels);
+}
+
+/// Which windows hold no pixel that does not count: one flag for each, rows from the top.
+std::vector<std::uint8_t> wholeWindows(const PixelMask& mask, int out_width, int out_height) {
+    std::vector<std::uint8_t> is_whole(static_cast<std::size_t>(out_width) * out_height);
+    std::vector<int> above(static_cast<std::size_t>(mask.width()), 0);  // pixels that count without a gap, downwards
+    for (int y = 0; y < mask.height(); ++y) {
+        int across = 0;  // columns without a gap in the window's rows
+        for (int x = 0; x < mask.width(); ++x) {
+            above[x] = mask.counts(x, y) ? above[x] + 1 : 0;
+            across = above[x] >= kWindow ? across + 1 : 0;
+            if (across >= kWindow)
+                is_whole[static_cast<std::size_t>(y - kWindow + 1) * out_width + (x - kWindow + 1)] = 1;
+        }
+    }
+    return is_whole;
+}
+
 }  // namespace
 
-double meanSquaredError(const Image& a, const Image& b) {
+double meanSquaredError(const Image& a, const Image& b, const PixelMask& mask) {
     checkComparable(a, b, "meanSquaredError");
+    checkMask(a, mask, "meanSquaredError");
+    if (!mask.empty()) return maskedError(a, b, mask);
     const std::size_t row = static_cast<std::size_t>(a.width) * a.channels;
     const double sum = sumOverRows(a.height, [&](int begin, int end) {
         double rows_sum = 0;
@@ -123,10 +165,13 @@ double psnrFromMse(double mse) {
     return mse > 0 ? std::min(kPsnrOfIdentical, -10 * std::log10(mse)) : mse == 0 ? kPsnrOfIdentical : mse;
 }
 
-double psnr(const Image& a, const Image& b) { return psnrFromMse(meanSquaredError(a, b)); }
+double psnr(const Image& a, const Image& b, const PixelMask& mask) {
+    return psnrFromMse(meanSquaredError(a, b, mask));
+}
 
-double ssim(const Image& a, const Image& b) {
+double ssim(const Image& a, const Image& b, const PixelMask& mask) {
     checkComparable(a, b, "ssim");
+    checkMask(a, mask, "ssim");
     if (a.width < kWindow || a.height < kWindow)
         throw UsageError("ssim", "images of " + std::to_string(a.width) + "x" + std::to_string(a.height),
                          "at least 11x11");
@@ -134,6 +179,11 @@ double ssim(const Image& a, const Image& b) {
     const int out_height = a.height - kWindow + 1, out_width = a.width - kWindow + 1;
     const std::size_t in_row = static_cast<std::size_t>(a.width) * a.channels;
     const std::size_t out_row = static_cast<std::size_t>(out_width) * a.channels;
+    std::vector<std::uint8_t> is_whole;
+    if (!mask.empty()) is_whole = wholeWindows(mask, out_width, out_height);
+    const auto n_windows = mask.empty() ? static_cast<double>(out_height) * out_width
+                                        : static_cast<double>(std::count(is_whole.begin(), is_whole.end(), 1));
+    if (n_windows == 0) throw UsageError("ssim", "a mask with no window of 11x11 pixels that all count", "one at least");
 
     const double sum = sumOverRows(out_height, [&](int begin, int end) {
         Moments down(in_row), both(out_row);
@@ -145,11 +195,18 @@ double ssim(const Image& a, const Image& b) {
             blurAcross(window, down.b, a.channels, both.b);
             blurAcross(window, down.squares, a.channels, both.squares);
             blurAcross(window, down.product, a.channels, both.product);
-            rows_sum += sumSimilarity(both);
+            if (mask.empty()) {
+                rows_sum += sumSimilarity(both, 0, out_row);
+                continue;
+            }
+            for (int x = 0; x < out_width; ++x)
+                if (is_whole[static_cast<std::size_t>(y) * out_width + x])
+                    rows_sum += sumSimilarity(both, static_cast<std::size_t>(x) * a.channels,
+                                              static_cast<std::size_t>(x + 1) * a.channels);
         }
         return rows_sum;
     });
-    return sum / (static_cast<double>(out_height) * static_cast<double>(out_row));
+    return sum / (n_windows * a.channels);
 }
 
 }  // namespace nerfvdb

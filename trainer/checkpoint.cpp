@@ -129,6 +129,7 @@ void visitPlace(Visitor& visit, TrainPlace& place) {
     visit.value(place.seed);
     visit.value(place.n_views);
     visit.values(place.data_hash);
+    visit.value(place.tries_exposure);
 }
 
 /// The grid and everything small that belongs to the state.
@@ -184,6 +185,7 @@ void visitLearner(Visitor& visit, TrainState& state, std::vector<float>& network
     visit.values(state.network.first);
     visit.values(state.network.second);
     visit.value(state.network.count);
+    state.exposures.visit(visit);
     visit.values(state.occupancy.cells);
     visit.values(state.seen);
     visit.value(state.min_seen);
@@ -259,7 +261,8 @@ void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainP
     const Topology& topology = state.field.topology();
     state.density_moment = HugeArray<float>(state.field.density().size());
     state.feature_moment = HugeArray<float>(state.field.density().size());
-    bool fits = network.size() == state.decoder.parameters().size() && state.seen.size() == topology.leafCount() &&
+    bool fits = (!state.exposures.learned() || state.exposures.viewCount() == static_cast<std::size_t>(place.n_views)) &&
+                network.size() == state.decoder.parameters().size() && state.seen.size() == topology.leafCount() &&
                 state.occupancy.cells.size() == topology.leafCount();
     if (fits) std::copy(network.begin(), network.end(), state.decoder.parameters().begin());
     std::vector<float> values;

@@ -24,6 +24,7 @@ struct TrainPlace {
     std::uint64_t seed = 0;
     int n_views = 0;                   // of the data set ...
     std::string data_hash;             // ... and its datasetHash, to refuse another one
+    bool tries_exposure = false;       // exposures are learned until the first stage shows whether they differ
 };
 
 /// Layout: "nerfvdb-checkpoint 4\n", 32 hexadecimal digits (content hash of all that follows) and "\n", then the

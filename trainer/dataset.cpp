@@ -2,10 +2,15 @@
 #include "trainer/dataset.h"
 
 #include <algorithm>
+#include <cstdio>
 #include <exception>
+#include <memory>
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "core/photo_cache.h"
+#include "trainer/downscale.h"
+#include "trainer/mask.h"
 #include "trainer/read_transforms.h"
 
 namespace nerfvdb {
@@ -29,11 +34,71 @@ void checkPositionsDiffer(const Dataset& dataset) {
                         "cameras that look from different places", "check the poses' last column");
 }
 
+/// Returns whether the mask had another size.
+bool loadMask(View& view, const std::filesystem::path& folder, int downscale) {
+    if (view.mask_path.empty()) view.mask_path = findMask(view.path, folder);
+    if (view.mask_path.empty()) return false;
+    bool was_scaled = false;
+    view.mask = readMask(view.mask_path, view.photo.width, view.photo.height, was_scaled);
+    if (downscale > 1) view.mask = downscaled(view.mask, downscale);
+    if (view.mask.count() == 0)
+        throw DataError(view.mask_path.string(), "a mask that hides every block of " + std::to_string(downscale) + "x" +
+                                                     std::to_string(downscale) + " pixels",
+                        "a block that counts as a whole", "use a smaller --downscale, or --no-masks");
+    return was_scaled;
+}
+
+void downscaleCameras(Dataset& dataset, int n) {
+    for (View& view : dataset.views) {
+        const Camera small = downscaled(view.camera, n);
+        if (small.width < 1 || small.height < 1)
+            throw UsageError("--downscale", std::to_string(n),
+                             "no more than the smaller side of every photograph (" + view.path.string() + " is " +
+                                 std::to_string(view.camera.width) + "x" + std::to_string(view.camera.height) + ")");
+        view.camera = small;
+    }
+}
+
+void tellOfMasks(Dataset& dataset, const std::vector<std::uint8_t>& was_scaled, Report& report) {
+    const auto n = std::count_if(dataset.views.begin(), dataset.views.end(), [](const View& v) { return !v.mask.empty(); });
+    if (n == 0) return;
+    char text[96];
+    std::snprintf(text, sizeof text, "masks leave out %.1f %% of all pixels", 100 * maskedShare(dataset));
+    report.info(text);
+    const auto warn = [&](const std::string& line) {
+        dataset.warnings.push_back(dataset.root.string() + ": " + line);
+        report.warn(dataset.warnings.back());
+    };
+    const std::string of_all = " of " + std::to_string(dataset.views.size()) + " photographs ";
+    if (const auto none = dataset.views.size() - static_cast<std::size_t>(n); none > 0)
+        warn(std::to_string(none) + of_all + "have no mask; all of their pixels count");
+    if (const auto first = std::find(was_scaled.begin(), was_scaled.end(), 1); first != was_scaled.end())
+        warn(std::to_string(std::count(was_scaled.begin(), was_scaled.end(), 1)) + of_all +
+             "have a mask of another size, which was scaled (first: " +
+             dataset.views[static_cast<std::size_t>(first - was_scaled.begin())].mask_path.string() + ")");
+}
+
+/// Where photographs go that are too many for memory; null if they are not.
+std::unique_ptr<PhotoCache> cacheFor(const Dataset& dataset, const DatasetOptions& options, Report& report) {
+    std::size_t bytes = 0;
+    for (const View& view : dataset.views)
+        bytes += static_cast<std::size_t>(view.camera.width) * view.camera.height * sizeof(Photo::Pixel);
+    if (!options.max_photo_bytes || bytes <= *options.max_photo_bytes) return nullptr;
+    const std::filesystem::path folder = options.cache_folder.empty() ? "." : options.cache_folder;
+    report.info("photographs of " + std::to_string(bytes >> 20) + " MiB are kept on disk, in " + folder.string() + ": memory has " +
+                std::to_string(*options.max_photo_bytes >> 20) + " MiB for them");
+    return std::make_unique<PhotoCache>(folder);
+}
+
 /// Decodes in blocks, in parallel: between blocks the caller hears how far it is and may stop it. An exception
 /// must not leave a parallel loop (which of several would win is chance): each is kept, the first is thrown.
-void loadPhotos(Dataset& dataset, Report& report) {
+void loadPhotos(Dataset& dataset, const DatasetOptions& options, Report& report) {
     const std::size_t n = dataset.views.size();
-    const std::size_t block = 8 * static_cast<std::size_t>(threadCount());
+    const std::unique_ptr<PhotoCache> cache = cacheFor(dataset, options, report);
+    const std::size_t block = (cache ? 1 : 8) * static_cast<std::size_t>(threadCount());
+    const std::filesystem::path folder =
+        std::filesystem::is_directory(dataset.root) ? dataset.root : dataset.root.parent_path();
+    std::vector<std::uint8_t> was_scaled(n, 0);
     report.begin("read images", static_cast<std::int64_t>(n));
     for (std::size_t begin = 0; begin < n; begin += block) {
         if (report.cancelled()) throw Interrupted("reading images was stopped");
@@ -43,6 +108,9 @@ void loadPhotos(Dataset& dataset, Report& report) {
             View& view = dataset.views[begin + i];
             try {
                 view.photo = readPhoto(view.path);
+                if (options.use_masks) was_scaled[begin + i] = loadMask(view, folder, options.downscale);
+                if (options.downscale > 1) view.photo = downscaled(view.photo, options.downscale);
+                if (cache) view.photo = cache->add(view.photo);
             } catch (...) {
                 errors[i] = std::current_exception();
             }
@@ -52,6 +120,7 @@ void loadPhotos(Dataset& dataset, Report& report) {
         report.update(static_cast<std::int64_t>(end), "");
     }
     report.end();
+    tellOfMasks(dataset, was_scaled, report);
 }
 
 }  // namespace
@@ -61,8 +130,19 @@ Dataset readDataset(const std::filesystem::path& path, Split split, const Datase
     Dataset dataset = readTransforms(path, split, options.strict, options.check_poses);
     for (const std::string& warning : dataset.warnings) report.warn(warning);
     if (split == Split::train && options.check_poses) checkPositionsDiffer(dataset);
-    if (options.load_photos) loadPhotos(dataset, report);
+    if (options.downscale > 1) downscaleCameras(dataset, options.downscale);
+    if (options.load_photos) loadPhotos(dataset, options, report);
     return dataset;
+}
+
+double maskedShare(const Dataset& dataset) {
+    double masked = 0, all = 0;
+    for (const View& view : dataset.views) {
+        const double pixels = static_cast<double>(view.camera.width) * view.camera.height;
+        if (!view.mask.empty()) masked += pixels - static_cast<double>(view.mask.count());
+        all += pixels;
+    }
+    return all > 0 ? masked / all : 0;
 }
 
 Box sceneBoxFromAabbScale(double aabb_scale) {

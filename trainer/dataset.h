@@ -10,15 +10,18 @@
 
 #include "core/camera.h"
 #include "core/image.h"
+#include "core/pixel_mask.h"
 #include "core/report.h"
 
 namespace nerfvdb {
 
-/// One frame: where it was taken and what it shows. `photo` is empty unless photos were asked for.
+/// One frame: where it was taken and what it shows. `photo` and `mask` are empty unless photos were asked for.
 struct View {
     Camera camera;
     std::filesystem::path path;
     Photo photo;
+    std::filesystem::path mask_path = {};  // as the data set names it; else findMask looks for one
+    PixelMask mask = {};                   // of the photo's size; empty: every pixel counts
 };
 
 enum class Split { train, val, test };
@@ -37,14 +40,21 @@ struct DatasetOptions {
     bool strict = false;      // a frame whose image is absent is an error, not a warning
     bool load_photos = true;  // false: cameras only (info, render)
     bool check_poses = true;  // false: cameras come as they are written, also unusable ones (info)
+    bool use_masks = true;    // with the photos
+    int downscale = 1;        // photos, masks and cameras of 1/N of the width and height; see downscale.h
+    std::optional<std::size_t> max_photo_bytes = {};  // photos that take more are kept in a PhotoCache ...
+    std::filesystem::path cache_folder = {};           // ... there
 };
 
 /// Reads a split of a data set: a folder with transforms_{train,val,test}.json (NeRF-synthetic; any of these
 /// files stands for the folder), a folder with transforms.json, or a JSON file of that kind itself. An absent
 /// val split falls back to test, with a warning.
 /// Throws DataError / IoError naming file and field, Interrupted when the report is cancelled between photos.
-/// What is wrong does not depend on threads: of several bad photos the first is named.
+/// What is wrong does not depend on threads: of several bad photos or masks the first is named.
 Dataset readDataset(const std::filesystem::path& path, Split split, const DatasetOptions& options, Report& report);
+
+/// Share of the pixels of all photographs that masks leave out, [0, 1].
+double maskedShare(const Dataset& dataset);
 
 /// instant-ngp's box: its unit cube is 1 / 0.33 world units wide and aabb_scale multiplies it, centred at 0.
 Box sceneBoxFromAabbScale(double aabb_scale);

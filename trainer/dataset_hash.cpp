@@ -6,9 +6,18 @@
 
 #include "core/atomic_file.h"
 #include "core/parallel.h"
+#include "core/photo_cache.h"
 
 namespace nerfvdb {
 namespace {
+
+/// The same wherever the pixels are kept.
+std::string photoHash(const Photo& photo) {
+    if (!photo.tiles) return contentHash(std::as_bytes(std::span(photo.pixels)));
+    const std::vector<Photo::Pixel> rows = rowsOf(photo);
+    releasePages(photo);
+    return contentHash(std::as_bytes(std::span(rows)));
+}
 
 std::string viewHash(const View& view) {
     const Camera& c = view.camera;
@@ -18,7 +27,8 @@ std::string viewHash(const View& view) {
     numbers.insert(numbers.end(), c.world_from_camera.data(), c.world_from_camera.data() + 9);
     numbers.insert(numbers.end(), c.position.data(), c.position.data() + 3);
     return contentHash(std::as_bytes(std::span(numbers))) +
-           contentHash(std::as_bytes(std::span(view.photo.pixels)));
+           photoHash(view.photo) +
+           (view.mask.empty() ? "" : contentHash(std::as_bytes(std::span(view.mask.tiles()))));
 }
 
 }  // namespace

@@ -8,7 +8,7 @@
 
 namespace nerfvdb {
 
-/// Hash of the views in their order: cameras bit by bit, every pixel of the photographs; 32 hexadecimal digits.
+/// Hash of the views in their order: cameras bit by bit, every pixel of the photographs and masks; 32 hexadecimal digits.
 /// File names do not count: a data set may move. Cost: one pass over the pixels, at the speed of memory.
 std::string datasetHash(const Dataset& dataset);
 

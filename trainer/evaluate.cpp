@@ -18,17 +18,29 @@ std::string decibels(double value) {
     return text;
 }
 
+double maskedSsim(const Image& picture, const Image& truth, const View& view) {
+    try {
+        return ssim(picture, truth, view.mask);
+    } catch (const UsageError& error) {
+        if (view.mask.empty()) throw;
+        throw DataError(view.mask_path.string(), "a mask that leaves nothing to compare (" + std::string(error.what()) + ")",
+                        "some part of the photograph that counts as a whole", "use --no-masks");
+    }
+}
+
 }  // namespace
 
 Image photoOver(const Photo& photo, const Vec3f& background) {
     Image image(photo.width, photo.height, 3);
-    for (std::size_t i = 0; i < photo.pixels.size(); ++i) {
-        const float alpha = static_cast<float>(photo.pixels[i][3]) / 255.0f;
-        for (int c = 0; c < 3; ++c) {
-            const float value = static_cast<float>(photo.pixels[i][c]) / 255.0f;
-            image.pixels[i * 3 + c] = alpha * value + (1.0f - alpha) * background[c];
+    for (int y = 0; y < photo.height; ++y)
+        for (int x = 0; x < photo.width; ++x) {
+            const Photo::Pixel& pixel = photo.at(x, y);
+            const float alpha = static_cast<float>(pixel[3]) / 255.0f;
+            for (int c = 0; c < 3; ++c) {
+                const float value = static_cast<float>(pixel[c]) / 255.0f;
+                image.at(x, y)[c] = alpha * value + (1.0f - alpha) * background[c];
+            }
         }
-    }
     return image;
 }
 
@@ -63,13 +75,16 @@ Evaluation evaluate(const RenderView& render, const Vec3f& background, const Dat
         const Image truth = photoOver(view.photo, background);
         ViewScore score;
         score.index = index;
-        score.psnr = psnr(picture.rgb, truth);
-        score.ssim = ssim(picture.rgb, truth);
+        score.psnr = psnr(picture.rgb, truth, view.mask);
+        score.ssim = maskedSsim(picture.rgb, truth, view);
+        score.masked_share = view.mask.empty() ? 0 : 1 - static_cast<double>(view.mask.count()) /
+                                                             (static_cast<double>(truth.width) * truth.height);
         score.seconds = seconds.count();
         score.counters = picture.counters;
 
         result.psnr += score.psnr;
         result.ssim += score.ssim;
+        result.masked_share += score.masked_share;
         result.seconds_per_frame += score.seconds;
         result.counters += score.counters;
         if (on_view) on_view(score, picture.rgb);
@@ -82,6 +97,7 @@ Evaluation evaluate(const RenderView& render, const Vec3f& background, const Dat
     const auto n = static_cast<double>(result.views.size());
     result.psnr /= n;
     result.ssim /= n;
+    result.masked_share /= n;
     result.seconds_per_frame /= n;
     return result;
 }

@@ -22,6 +22,7 @@ struct EvaluateOptions {
 struct ViewScore {
     std::size_t index = 0;      // of the view in its data set
     double psnr = 0, ssim = 0;  // metrics.h
+    double masked_share = 0;    // of the pixels, not compared
     double seconds = 0;         // wall time of rendering alone
     TraceCounters counters;
 };
@@ -30,7 +31,7 @@ struct ViewScore {
 /// tables).
 struct Evaluation {
     std::vector<ViewScore> views;
-    double psnr = 0, ssim = 0, seconds_per_frame = 0;
+    double psnr = 0, ssim = 0, masked_share = 0, seconds_per_frame = 0;
     TraceCounters counters;  // sums
 };
 
@@ -41,7 +42,7 @@ Image photoOver(const Photo& photo, const Vec3f& background);
 using RenderView = std::function<RenderedImage(const Camera& camera)>;
 
 /// Renders and scores views at the full size of their photographs, which must be loaded; `on_view` gets each
-/// score with its picture, in order.
+/// score with its picture, in order. Pixels that a view's mask leaves out are not compared.
 /// Throws UsageError (`every` not positive), DataError (no views; a photograph whose size is not its camera's),
 /// Interrupted when the report is cancelled.
 Evaluation evaluate(const RenderView& render, const Vec3f& background, const Dataset& dataset, int every_nth,

@@ -10,7 +10,9 @@
 namespace nerfvdb {
 namespace {
 
-constexpr int kTilePixels = 8;
+constexpr int kTilePixels = PixelMask::kTile;
+
+constexpr std::uint64_t kAgain = 0x9e3779b97f4a7c15;  // odd, and unlike what draw makes of the same bits
 
 int tilesAlong(int pixels) { return (pixels + kTilePixels - 1) / kTilePixels; }
 
@@ -56,9 +58,10 @@ void RaySource::update(const VoxelField& field, const Occupancy& occupancy) {
             for (int y = y0; y <= y1; ++y)
                 for (int x = x0; x <= x1; ++x) is_live[static_cast<std::size_t>(y) * tiles_x + x] = 1;
         }
+        const PixelMask& mask = dataset_->views[v].mask;
         for (int y = 0; y < tiles_y; ++y)
             for (int x = 0; x < tiles_x; ++x)
-                if (all || is_live[static_cast<std::size_t>(y) * tiles_x + x])
+                if ((all || is_live[static_cast<std::size_t>(y) * tiles_x + x]) && (mask.empty() || mask.tile(x, y) != 0))
                     found[v].push_back({static_cast<std::uint16_t>(v), static_cast<std::uint16_t>(x),
                                         static_cast<std::uint16_t>(y)});
     });
@@ -76,7 +79,14 @@ void RaySource::useAll() {
 }
 
 RaySource::Pick RaySource::pick(std::uint64_t step, std::uint64_t index) const {
-    const std::uint64_t bits = randomBits(seed_, step, index);
+    // Until a pixel is met that counts, so that all of them are drawn alike: each tile has one, it is soon met.
+    for (std::uint64_t bits = randomBits(seed_, step, index);; bits = mixBits(bits + kAgain)) {
+        const Pick picked = pickAny(bits);
+        if (dataset_->views[static_cast<std::size_t>(picked.view)].mask.counts(picked.x, picked.y)) return picked;
+    }
+}
+
+RaySource::Pick RaySource::pickAny(std::uint64_t bits) const {
     const Tile& tile = tiles_[(bits >> 32) * tiles_.size() >> 32];
     const Camera& camera = dataset_->views[tile.view].camera;
     const int x0 = tile.x * kTilePixels, y0 = tile.y * kTilePixels;
@@ -90,7 +100,7 @@ RaySource::Pick RaySource::pick(std::uint64_t step, std::uint64_t index) const {
 void RaySource::prefetch(std::uint64_t step, std::uint64_t index) const {
     const Pick picked = pick(step, index);
     const View& view = dataset_->views[picked.view];
-    __builtin_prefetch(&view.photo.pixels[static_cast<std::size_t>(picked.y) * view.camera.width + picked.x]);
+    __builtin_prefetch(&view.photo.at(picked.x, picked.y));
 }
 
 TrainingRay RaySource::draw(std::uint64_t step, std::uint64_t index) const {
@@ -99,7 +109,7 @@ TrainingRay RaySource::draw(std::uint64_t step, std::uint64_t index) const {
     TrainingRay drawn;
     drawn.ray = cameraRay(view.camera, picked.x + 0.5, picked.y + 0.5);
     drawn.jitter = unitFloat(static_cast<std::uint32_t>(picked.bits >> 32));
-    const auto& pixel = view.photo.pixels[static_cast<std::size_t>(picked.y) * view.camera.width + picked.x];
+    const Photo::Pixel& pixel = view.photo.at(picked.x, picked.y);
     for (int c = 0; c < 4; ++c) drawn.rgba[c] = static_cast<float>(pixel[c]) * (1.0f / 255.0f);
     drawn.bits = mixBits(picked.bits);
     drawn.view = picked.view;

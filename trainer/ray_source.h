@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which pixels a step looks at: drawn uniformly from the 8x8 pixel tiles in which something can be seen at all.
+// Which pixels a step looks at: drawn uniformly from the 8x8 pixel tiles in which something can be seen at all, and never
+// one that a mask leaves out.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +26,8 @@ class RaySource {
 public:
     RaySource(const Dataset& dataset, std::uint64_t seed) : dataset_(&dataset), seed_(seed) {}
 
-    /// Finds the pixel tiles that occupied leaves project to; all others can only show the background.
+    /// Finds the pixel tiles that occupied leaves project to; all others can only show the background. Tiles without a
+    /// pixel that counts are left out.
     void update(const VoxelField& field, const Occupancy& occupancy);
 
     /// Takes all pixel tiles.
@@ -46,6 +48,7 @@ private:
         std::uint64_t bits;  // random bits that are left
     };
     Pick pick(std::uint64_t step, std::uint64_t index) const;
+    Pick pickAny(std::uint64_t bits) const;
 
     const Dataset* dataset_;
     std::uint64_t seed_;

@@ -21,7 +21,7 @@ public:
         for (int y = 0; y < height_; ++y) {
             std::uint32_t row = 0;
             for (int x = 0; x < width_; ++x) {
-                row += photo.pixels[static_cast<std::size_t>(y) * width_ + x][3] > 0;
+                row += photo.at(x, y)[3] > 0;
                 at(x + 1, y + 1) = at(x + 1, y) + row;
             }
         }

@@ -35,6 +35,8 @@ StepReport TrainStepper::step(TrainState& state, const RaySource& source, std::u
         state.sky_optimizer.step(state.sky.values(), skyGradient(state.sky), rates.sky);
         state.sky.smooth(rates.sky_smoothing, sky_scratch_);
     }
+    if (state.exposures.learned())
+        state.exposures.step(exposureGradient(state.exposures), report.rays, rates.exposure);
     return report;
 }
 
@@ -90,6 +92,13 @@ std::span<const float> TrainStepper::skyGradient(const Sky& sky) {
     return dl_dsky_;
 }
 
+std::vector<float> TrainStepper::exposureGradient(const Exposures& exposures) const {
+    std::vector<ExposedRay> rays;
+    for (std::size_t t = 0; t < n_tiles_; ++t)
+        rays.insert(rays.end(), tiles_[t].exposed.begin(), tiles_[t].exposed.end());
+    return exposures.gradient(rays);
+}
+
 void TrainStepper::runTile(const TrainState& state, const RaySource& source, std::uint64_t step, int first_ray,
                            int n_rays, const TraceScene& scene, const TraceOptions& trace, Tile& tile,
                            TileGradients& gradients) {
@@ -113,28 +122,43 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
     tile.sky_rays.clear();
     tile.report = {};
     tile.report.rays = static_cast<std::uint64_t>(n_rays);
+    tile.exposed.clear();
+    const float exposed_background = state.exposures.withBackground() ? 1 : 0;
     for (int r = 0; r < n_rays; ++r) {
         const TrainingRay& drawn = worker.rays[r];
         const float transmittance = tracer.transmittance()[r], opacity = 1 - transmittance;
         const float* const direction = tracer.directions() + 3 * r;
         const bool sees_sky = !state.sky.isEmpty() && transmittance > kLeastSky;
         const Vec3f background = sees_sky ? state.sky.at(direction) : state.background;
-        Vec3f dl_dbackground;
-        float dl_dtransmittance = 0, error = 0;
+        float behind[3], light[3], color[3], dl_dcolor[3], dl_dlight[3];
         for (int c = 0; c < 3; ++c) {
-            const float behind = state.random_background
-                                     ? unitFloat(static_cast<std::uint32_t>(mixBits(drawn.bits + c)))
-                                     : background[c];
-            const float target = drawn.rgba[c] * drawn.rgba[3] + behind * (1 - drawn.rgba[3]);
-            const float color = opacity * worker.rgb[3 * r + c] + transmittance * behind;
-            const float difference = color - target;
-            const float slope = 2 * difference;
+            behind[c] = state.random_background ? unitFloat(static_cast<std::uint32_t>(mixBits(drawn.bits + c)))
+                                                : background[c];
+            light[c] = opacity * worker.rgb[3 * r + c] + exposed_background * transmittance * behind[c];
+        }
+        const Exposure exposure = state.exposures.of(drawn.view);
+        const float coverage = opacity + exposed_background * transmittance;
+        exposure.forward(light, coverage, color);
+        float error = 0;
+        for (int c = 0; c < 3; ++c) {
+            color[c] += (1 - exposed_background) * transmittance * behind[c];
+            const float target = drawn.rgba[c] * drawn.rgba[3] + behind[c] * (1 - drawn.rgba[3]);
+            const float difference = color[c] - target;
+            dl_dcolor[c] = 2 * difference;
             error += difference * difference;
-            worker.dl_drgb[3 * r + c] = slope * opacity;
-            dl_dtransmittance += slope * (behind - worker.rgb[3 * r + c]);
-            dl_dbackground[c] = slope * transmittance;
+        }
+        float dl_dtransmittance = (exposed_background - 1) * exposure.backward(dl_dcolor, dl_dlight);
+        Vec3f dl_dbackground;
+        for (int c = 0; c < 3; ++c) {
+            worker.dl_drgb[3 * r + c] = dl_dlight[c] * opacity;
+            const float dl_dbehind = exposed_background * dl_dlight[c] + (1 - exposed_background) * dl_dcolor[c];
+            dl_dtransmittance += dl_dbehind * behind[c] - dl_dlight[c] * worker.rgb[3 * r + c];
+            dl_dbackground[c] = transmittance * dl_dbehind;
         }
         if (sees_sky) tile.sky_rays.push_back({{direction[0], direction[1], direction[2]}, dl_dbackground});
+        if (state.exposures.learned())
+            tile.exposed.push_back({drawn.view, {light[0], light[1], light[2]}, coverage,
+                                    {dl_dcolor[0], dl_dcolor[1], dl_dcolor[2]}});
         worker.dl_dtransmittance[r] = dl_dtransmittance;
         tile.report.squared_error += error;
         if (!std::isfinite(error) && tile.report.is_finite) {

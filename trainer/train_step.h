@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/optimizer.h"
+#include "trainer/exposure.h"
 #include "trainer/ray_source.h"
 #include "vdb/decoder.h"
 #include "vdb/leaf_scatter.h"
@@ -23,6 +24,7 @@ struct StepRates {
     float network = 3e-3f;
     float sky = 0.02f;
     float sky_smoothing = 1e-3f;  // see Sky::smooth
+    float exposure = 5e-3f;
     float decay = 0.95f;     // of the voxels' second moments
     float epsilon = 1e-4f;   // on gradients summed over the batch
     float sparsity = 0.01f;  // see RmsPropRates: free space becomes empty although no view contradicts its fog ...
@@ -37,6 +39,7 @@ struct TrainState {
     HugeArray<float> feature_moment;  // [leaf][512], one for all channels of a voxel
     Decoder decoder;
     Adam network;
+    Exposures exposures;              // of the photographs; not part of the model
     Occupancy occupancy;
     std::vector<LeafMask> seen;       // [leaf] cells that held a kept sample since the last reset ...
     float min_seen = 0;               // ... of at least this weight
@@ -68,11 +71,13 @@ public:
     /// The two halves of a step. First the loss (squared_error + state.distortion * distortion) and its gradient; nothing moves ...
     StepReport differentiate(const TrainState& state, const RaySource& source, std::uint64_t step, int batch,
                              const TraceOptions& trace);
-    /// ... which stands here: of the voxels, leaf by leaf as LeafScatter::run hands it out, once; of the network.
+    /// ... which stands here: of the voxels, leaf by leaf as LeafScatter::run hands it out, once; of the network ...
     void voxelGradients(const TrainState& state, const LeafScatter::UseLeaf& use);
     std::span<const float> networkGradient();
-    /// [height][width][3] as Sky::values; empty without a sky.
+    /// ... of the sky, [height][width][3] as Sky::values; empty without one ...
     std::span<const float> skyGradient(const Sky& sky);
+    /// ... and of the exposures, [view][Exposures::kValues].
+    std::vector<float> exposureGradient(const Exposures& exposures) const;
 
 private:
     static constexpr int kMaxTileRays = 256;
@@ -93,6 +98,7 @@ private:
         std::vector<float> dl_dnetwork;
         std::vector<SkyRay> sky_rays;
         StepReport report;
+        std::vector<ExposedRay> exposed;  // empty unless exposures are learned
     };
     void runTile(const TrainState& state, const RaySource& source, std::uint64_t step, int first_ray, int n_rays,
                  const TraceScene& scene, const TraceOptions& trace, Tile& tile, TileGradients& gradients);

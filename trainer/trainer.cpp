@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/metrics.h"
+#include "core/photo_cache.h"
 #include "trainer/checkpoint.h"
 #include "trainer/dataset_hash.h"
 #include "trainer/faint_cells.h"
@@ -32,6 +33,7 @@ constexpr double kCheckpointSeconds = 60;   // between checkpoints, at least ...
 constexpr double kCheckpointShare = 0.02;   // ... and so rarely that they cost no more than this share of the time
 constexpr std::int64_t kFirstOccupancy = 32, kLastOccupancy = 512;  // steps between updates, growing inside a stage
 constexpr std::int64_t kProbeSteps = 40;    // of a stage, before its cost is believed
+constexpr double kSameExposure = 0.05;      // spread of gains that is not worth learning: fox has 0.03 and loses by it
 constexpr double kSaveSeconds = 0.3, kSaveSecondsPerVoxel = 1.0e-6;  // pruning and writing the model
 
 /// Seconds since it was made.
@@ -43,14 +45,19 @@ private:
     std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
-/// Mean colour of all photos (sRGB values): what an opaque scene shows where nothing is known.
+/// Mean colour of what counts in all photos (sRGB values): what an opaque scene shows where nothing is known.
 Vec3f meanColour(const Dataset& dataset) {
     constexpr std::size_t kStride = 101;  // a prime: no column of pixels is looked at again and again
     Vec3d sum = Vec3d::Zero();
     double n = 0;
     for (const View& view : dataset.views)
-        for (std::size_t i = 0; i < view.photo.pixels.size(); i += kStride, ++n)
-            for (int c = 0; c < 3; ++c) sum[c] += view.photo.pixels[i][c] / 255.0;
+        for (std::size_t i = 0; i < view.photo.pixelCount(); i += kStride) {
+            const auto width = static_cast<std::size_t>(view.photo.width);
+            const int x = static_cast<int>(i % width), y = static_cast<int>(i / width);
+            if (!view.mask.counts(x, y)) continue;
+            for (int c = 0; c < 3; ++c) sum[c] += view.photo.at(x, y)[c] / 255.0;
+            ++n;
+        }
     return n > 0 ? Vec3f((sum / n).cast<float>()) : Vec3f::Zero();
 }
 
@@ -107,6 +114,9 @@ public:
 
 private:
     bool isOpen() const;
+    bool photosOnDisk() const { return !dataset_.views.empty() && dataset_.views.front().photo.tiles != nullptr; }
+    std::size_t mappedPhotoBytes() const;  // of photographs on disk that may stand in memory at once
+    void boundMappedPhotos();
     std::size_t memoryFor(const Topology& topology) const;  // of photographs, voxels and moments, bytes
     void chooseBackground();
     void planFromOptions();
@@ -115,6 +125,7 @@ private:
     bool runStage();  // false: the user asked to stop
     void stepOnce();
     void enterStage();
+    void settleExposure();
     void refine();
     void updateSource();
     void updateOccupancy();
@@ -190,6 +201,9 @@ void Training::start() {
     place_.data_hash = datasetHash(dataset_);
     place_.next_occupancy = kFirstOccupancy;
     chooseBackground();
+    place_.tries_exposure = options_.exposure == ExposureMode::automatic && !dataset_.has_alpha;
+    if (place_.tries_exposure || options_.exposure == ExposureMode::on)
+        state_.exposures = Exposures(dataset_.views.size(), /*with_background=*/!dataset_.has_alpha);
     max_levels_ = std::min(plan.max_levels, usefulLevels(dataset_, box, grid.frame.voxel_size));
     planFromOptions();
     checkFinestVoxel(box, grid.frame.voxel_size);
@@ -217,9 +231,21 @@ bool Training::isOpen() const {
     return !dataset_.has_alpha && !options_.bounds && options_.background == BackgroundMode::automatic;
 }
 
+std::size_t Training::mappedPhotoBytes() const {
+    constexpr std::size_t kShare = 8;  // of the memory allowed
+    return options_.max_memory_bytes.value_or(std::size_t{8} << 30) / kShare;
+}
+
+/// What was mapped counts as this process's memory until it is let go, though the system could take it at any time.
+void Training::boundMappedPhotos() {
+    if (!photosOnDisk() || mappedFileBytes() <= mappedPhotoBytes()) return;
+    for (const View& view : dataset_.views) releasePages(view.photo);
+}
+
 std::size_t Training::memoryFor(const Topology& topology) const {
     std::size_t photographs = 0;
     for (const View& view : dataset_.views) photographs += view.photo.pixels.size() * sizeof view.photo.pixels[0];
+    if (photosOnDisk()) photographs += mappedPhotoBytes();
     // A density, its moment and one moment for all features stand beside the features.
     return photographs + topology.leafCount() * kLeafVoxels * (state_.decoder.channels() + 3) * sizeof(float);
 }
@@ -322,6 +348,7 @@ StepRates Training::rates() const {
     rates.network *= factor;
     rates.sky *= factor;
     rates.sky_smoothing *= factor;
+    rates.exposure *= factor;
     // As smooth per world unit at every level: at large voxels neighbours differ more, and smoothing helps less.
     rates.density_smoothing *= static_cast<float>(std::exp2(place_.stages[place_.stage].level - (kMaxLevels - 1)));
     return rates;
@@ -343,11 +370,25 @@ TrainResult Training::run() {
 
 void Training::enterStage() {
     const int level = stage().level;
+    if (place_.tries_exposure) settleExposure();
     ++place_.stage;
     place_.step_in_stage = 0;
     place_.next_occupancy = kFirstOccupancy;
     if (stage().level != level) refine();
     else if (plans_time_ && step_seconds_ > 0) replanForTime();
+}
+
+/// Photographs that hardly differ are better learned as they are: a model shows such differences by itself, between
+/// neighbouring directions, and held-out photographs have them too.
+void Training::settleExposure() {
+    place_.tries_exposure = false;
+    const double spread = state_.exposures.spread();
+    char text[128];
+    std::snprintf(text, sizeof text, "exposure: photographs differ by %.1f %%: %s", 100 * spread,
+                  spread < kSameExposure ? "taken as equal (--exposure on learns it)" : "learned for each");
+    notes_.push_back(text);
+    report_.info(text);
+    if (spread < kSameExposure) state_.exposures = Exposures();
 }
 
 bool Training::runStage() {
@@ -374,6 +415,7 @@ bool Training::runStage() {
 
 void Training::stepOnce() {
     const double begin = clock_.seconds();
+    boundMappedPhotos();
     const StepReport result = stepper_.step(state_, source_, static_cast<std::uint64_t>(place_.step), stage().batch,
                                             rates(), trace_);
     if (!result.is_finite)
@@ -481,8 +523,10 @@ TrainResult Training::finish(bool interrupted) {
     result.steps = place_.step;
     result.interrupted = interrupted;
     result.active_voxels = result.model.field.topology().voxelCount();
+    result.gains = state_.exposures.gains();
     result.checkpoint_error = checkpoint_error_;
     result.notes = notes_;
+    if (photosOnDisk()) result.notes.push_back("photographs were read from a cache on disk, not from memory");
     return result;
 }
 

@@ -20,12 +20,14 @@ enum class Preset { fast, standard, best };
 /// photographs have no alpha and neither background nor bounds are given.
 enum class SceneExtent { automatic, box, open };
 enum class BackgroundMode { automatic, white, black, random };
+enum class ExposureMode { automatic, on, off };
 
 struct TrainOptions {
     std::optional<Preset> preset;               // standard, but for time_s of 90 s and less with the network of fast
     std::optional<double> time_s;               // wall time from process start to file on disk
     std::vector<std::int64_t> steps;            // total number of steps (one entry) or steps per stage (all entries)
     BackgroundMode background = BackgroundMode::automatic;
+    ExposureMode exposure = ExposureMode::automatic;  // on where photographs without alpha differ by it
     SceneExtent extent = SceneExtent::automatic;
     std::optional<Box> bounds;                  // world units; of an open scene, its inner box
     std::optional<std::size_t> max_memory_bytes;
@@ -52,14 +54,15 @@ struct TrainResult {
     std::int64_t steps = 0;      // done
     bool interrupted = false;    // stopped early on request: the model is whole, but less trained
     std::size_t active_voxels = 0;
+    std::vector<double> gains;       // Exposures::gains of the views; empty: exposures were not learned
     std::string checkpoint_error;    // why the last checkpoint could not be written; empty: it was
     std::vector<std::string> notes;  // facts for the user: plan, memory limit reached, ...
 };
 
 /// Trains on a data set; tells `report` how it goes and calls `on_interval` a few times a minute. The model names the
-/// cameras of the data set.
+/// cameras of the data set. It shows the mean of the photographs' exposures.
 /// With `checkpoint`, state is loaded from there when `resume`, and saved there at intervals and at the end. Plan,
-/// seed, background and box are then those of the checkpoint, whatever `options` say. A checkpoint that cannot be
+/// seed, background, exposure and box are then those of the checkpoint, whatever `options` say. A checkpoint that cannot be
 /// written is a warning and TrainResult::checkpoint_error, never the end of training.
 /// Throws DataError (nothing to learn from, a checkpoint of another data set) or NumericError.
 TrainResult train(const Dataset& dataset, const TrainOptions& options, Report& report,

@@ -398,6 +398,59 @@ test_threads() {
     if cmp -s one.vdb other.vdb; then fail "the seed changes nothing"; fi
 }
 
+test_photographs() {
+    local file number
+    tiny_scene --no-truth
+    tiny_model --json train.json
+    has_keys train.json downscale masked_share exposure_learned exposure_gains
+    says train.json '"exposure_learned": false'
+
+    # Photographs of 9.3 MiB that may take 9 MiB are read from disk; nothing is left there.
+    expect 0 synth sphere --out large --views 12 --val-views 0 --test-views 0 --width 450 --height 450 --no-truth
+    expect 0 train large --out cached.vdb --steps 30 --max-memory 18MiB --cache scratch --json cached.json
+    says err "photographs of 9 MiB are kept on disk, in scratch"
+    says cached.json "read from a cache on disk"
+    [[ -z "$(ls -A scratch)" ]] || fail "left in the cache: $(ls -A scratch)"
+    expect 1 train large --out cached.vdb --steps 30 --max-memory 18MiB --cache large/transforms_train.json
+    says err "--cache"
+
+    # Exposure, and photographs of half the size.
+    expect 0 train data --out exposed.vdb --steps 60 --exposure on --json exposed.json
+    says exposed.json '"exposure_learned": true'
+    ! cmp -s exposed.vdb model.vdb || fail "--exposure on learned nothing"
+    expect 0 train data --out small.vdb --steps 60 --downscale 2 --json small.json
+    says small.json '"downscale": 2'
+    expect 1 train data --out small.vdb --resume
+    says err "other cameras or photographs"
+    expect 0 eval small.vdb data --downscale 2 --save views --json eval.json
+    says eval.json '"downscale": 2'
+    expect 2 train data --out small.vdb --steps 60 --downscale 3
+    says err "--downscale"
+
+    # Masks: where the model is opaque.
+    local split
+    for split in train test; do
+        expect 0 render model.vdb --data data --split $split --opacity --out opacity
+        mkdir -p data/masks/$split
+        for file in opacity/*.opacity.png; do
+            number=$(basename "$file" .opacity.png)
+            mv "$file" data/masks/$split/r_$((10#$number)).png
+        done
+    done
+    expect 0 train data --out masked.vdb --steps 60 --json masked.json
+    says err "masks leave out"
+    ! grep -q '"masked_share": 0.0' masked.json || fail "nothing was masked"
+    expect 0 eval masked.vdb data
+    says out "% of the pixels are masked and were not compared"
+    expect 0 train data --out all.vdb --steps 60 --no-masks
+    cmp all.vdb model.vdb || fail "--no-masks left something out"
+    expect 0 eval masked.vdb data --no-masks
+    ! grep -q "masked" out || fail "--no-masks left something out"
+    printf 'no picture' >data/masks/train/r_3.png
+    expect 1 train data --out bad.vdb --steps 60
+    says err "masks/train/r_3.png"
+}
+
 test_interrupt() {
     local code=0 waited=0 pid
     tiny_scene --no-truth
@@ -418,8 +471,8 @@ test_resume() {
     tiny_scene --no-truth
     tiny_model --seed 3
     cp model.vdb first.vdb
-    for option in "--preset default" "--time 5s" "--steps 60" "--background auto" "--bounds -1 -1 -1 1 1 1" \
-        "--seed 3"; do
+    for option in "--preset default" "--time 5s" "--steps 60" "--background auto" "--exposure off" \
+        "--bounds -1 -1 -1 1 1 1" "--seed 3"; do
         # shellcheck disable=SC2086
         expect 2 train data --out model.vdb --resume $option
         says err "--resume: found ${option%% *} too"

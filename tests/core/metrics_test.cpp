@@ -134,3 +134,33 @@ TEST_CASE("metrics refuse pictures that cannot be compared", "[core]") {
     CHECK(std::isnan(psnr(bad, noise(16, 16, 1))));
     CHECK(std::isnan(ssim(bad, noise(16, 16, 1))));
 }
+
+TEST_CASE("a mask leaves its pixels out of the error, and the windows that hold them out of the similarity") {
+    const int width = 40, height = 30;
+    Image a(width, height, 3), b(width, height, 3);
+    for (std::size_t i = 0; i < a.pixels.size(); ++i) {
+        a.pixels[i] = static_cast<float>((i * 37) % 101) / 100.0f;
+        b.pixels[i] = static_cast<float>((i * 59) % 103) / 102.0f;
+    }
+    // What counts is the picture's part [8, 36) x [5, 27): the metrics are those of this part alone.
+    PixelMask mask(width, height), all(width, height);
+    Image part_a(28, 22, 3), part_b(28, 22, 3);
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x) {
+            all.keep(x, y);
+            if (x < 8 || x >= 36 || y < 5 || y >= 27) continue;
+            mask.keep(x, y);
+            for (int c = 0; c < 3; ++c) {
+                part_a.at(x - 8, y - 5)[c] = a.at(x, y)[c];
+                part_b.at(x - 8, y - 5)[c] = b.at(x, y)[c];
+            }
+        }
+    CHECK(meanSquaredError(a, b, mask) == Approx(meanSquaredError(part_a, part_b)).epsilon(1e-12));
+    CHECK(psnr(a, b, mask) == Approx(psnr(part_a, part_b)).epsilon(1e-12));
+    CHECK(ssim(a, b, mask) == Approx(ssim(part_a, part_b)).epsilon(1e-9));
+    CHECK(ssim(a, b, all) == Approx(ssim(a, b)).epsilon(1e-12));
+    CHECK(meanSquaredError(a, b, all) == Approx(meanSquaredError(a, b)).epsilon(1e-12));
+    CHECK_THROWS_AS(ssim(a, b, PixelMask(width, height)), UsageError);
+    CHECK_THROWS_AS(psnr(a, b, PixelMask(width, height)), UsageError);
+    CHECK_THROWS_AS(psnr(a, b, PixelMask(height, width)), UsageError);
+}

@@ -3,11 +3,18 @@
 
 #include <fstream>
 
+#include "core/atomic_file.h"
 #include "core/error.h"
 #include "core/parallel.h"
 #include "tests/support/catch.h"
 #include "tests/support/data.h"
+#include "tests/support/temp_dir.h"
 #include "tests/trainer/scene_folder.h"
+#include "trainer/dataset_hash.h"
+#include "trainer/synthetic_scene.h"
+#include "trainer/trainer.h"
+#include "trainer/write_dataset.h"
+#include "vdb/model_file.h"
 
 using namespace nerfvdb;
 using namespace nerfvdb::testing;
@@ -158,4 +165,40 @@ TEST_CASE("egypt is read in the order of names", "[trainer][data]") {
     CHECK(test.views[0].path.filename() == "frame_00001.jpg");  // the JSON starts at 302
     CHECK(test.views[1].path.filename() == "frame_00009.jpg");
     CHECK(test.views[0].photo.width == 480);
+}
+
+TEST_CASE("photographs that do not fit their share of memory are read from disk, and give the same model", "[trainer]") {
+    const TempDir dir, cache_dir;
+    SyntheticDatasetOptions scene;
+    scene.train_views = 12, scene.val_views = 0, scene.test_views = 1;
+    scene.width = 45, scene.height = 38;  // no whole number of tiles
+    Report silent;
+    writeSyntheticDataset(*makeSyntheticScene("sphere"), dir.path(), scene, silent);
+    const std::size_t bytes = 12 * 45 * 38 * 4;
+    const auto read = [&](std::size_t limit) {
+        DatasetOptions options;
+        options.max_photo_bytes = limit;
+        options.cache_folder = cache_dir.path();
+        return readDataset(dir.path(), Split::train, options, silent);
+    };
+    const Dataset in_memory = read(bytes), on_disk = read(bytes - 1);
+    CHECK_FALSE(in_memory.views[3].photo.tiles);
+    REQUIRE(on_disk.views[3].photo.tiles);
+    CHECK(std::filesystem::is_empty(cache_dir.path()));
+    CHECK(datasetHash(in_memory) == datasetHash(on_disk));
+
+    const auto learned = [&](const Dataset& dataset) {
+        TrainOptions options;
+        options.steps = {36, 40, 10};
+        const TrainResult result = train(dataset, options, silent, {});
+        saveModel(result.model, dir / "model.vdb");
+        CHECK(result.notes.size() == (dataset.views[0].photo.tiles ? 1 : 0));
+        return readFile(dir / "model.vdb");
+    };
+    CHECK(learned(on_disk) == learned(in_memory));
+
+    DatasetOptions nowhere;
+    nowhere.max_photo_bytes = 1;
+    nowhere.cache_folder = dir / "nowhere";
+    CHECK_THROWS_AS(readDataset(dir.path(), Split::train, nowhere, silent), IoError);
 }

@@ -112,3 +112,33 @@ TEST_CASE("what cannot be scored is refused", "[trainer]") {
     dataset.views[0] = flatView(16, {0, 0, 0, 255});
     CHECK_THROWS_AS(evaluate(model, dataset, {}, stop), Interrupted);
 }
+
+TEST_CASE("pixels that a mask leaves out are not compared, and their share is said", "[trainer]") {
+    Dataset dataset;
+    dataset.root = "flat";
+    dataset.views = {flatView(32, {204, 204, 204, 255}), flatView(32, {255, 255, 255, 255})};
+    PixelMask mask(32, 32);
+    // The left half counts; the right half is as wrong as can be.
+    for (int y = 0; y < 32; ++y)
+        for (int x = 0; x < 32; ++x) {
+            if (x < 16) mask.keep(x, y);
+            else dataset.views[0].photo.pixels[static_cast<std::size_t>(32 * y + x)] = {0, 0, 0, 255};
+        }
+    dataset.views[0].mask = mask;
+    dataset.views[0].mask_path = "hide.png";
+    const Model model = emptyModel(Vec3f(1, 1, 1));
+    Report silent;
+    const Evaluation scores = evaluate(model, dataset, {}, silent);
+    CHECK(scores.views[0].psnr == Approx(psnrFromMse(0.04)).epsilon(1e-5));
+    // Flat pictures: the similarity of their means alone.
+    CHECK(scores.views[0].ssim == Approx((2 * 0.8 + 1e-4) / (1 + 0.64 + 1e-4)).epsilon(1e-5));
+    CHECK(scores.views[0].masked_share == 0.5);
+    CHECK(scores.views[1].masked_share == 0);
+    CHECK(scores.masked_share == 0.25);
+
+    PixelMask narrow(32, 32);
+    for (int y = 0; y < 32; ++y) narrow.keep(20, y);
+    dataset.views[0].mask = narrow;
+    CHECK_THROWS_AS(evaluate(model, dataset, {}, silent), DataError);
+    CHECK_THROWS_WITH(evaluate(model, dataset, {}, silent), Catch::Matchers::Contains("hide.png"));
+}

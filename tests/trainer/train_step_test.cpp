@@ -127,6 +127,9 @@ TEST_CASE("gradients of the whole step, from voxels and network to the loss, agr
         TrainState state = roughState();
         state.background = Vec3f(0.9f, 0.4f, 0.1f);
         state.random_background = random_background;
+        state.exposures = Exposures(sphere().views.size(), /*with_background=*/!random_background);
+        for (std::size_t i = 0; i < state.exposures.values().size(); ++i)
+            state.exposures.values()[i] = test::randomIn(-0.3f, 0.3f, 4, i);
         state.distortion = 1;  // without its gradient, densities are off by 0.3 of the largest
         state.occupancy = findOccupied(state.field, 0);
         RaySource source(sphere(), 4);
@@ -153,6 +156,8 @@ TEST_CASE("gradients of the whole step, from voxels and network to the loss, agr
             std::fill_n(gradient.touched, kLeafWords, 0);
         });
         addNetworkSections(state.decoder, stepper.networkGradient(), sections);
+        sections.push_back({"exposures", state.exposures.values().data(), stepper.exposureGradient(state.exposures),
+                            0.0025f, kSmooth});
 
         for (Section& section : sections) {
             CAPTURE(section.name);

@@ -1,0 +1,169 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/mask.h"
+
+#include <algorithm>
+
+#include "core/atomic_file.h"
+#include "core/error.h"
+#include "core/parallel.h"
+#include "tests/support/catch.h"
+#include "tests/support/sphere_dataset.h"
+#include "tests/support/temp_dir.h"
+#include "tests/trainer/scene_folder.h"
+#include "trainer/dataset.h"
+#include "trainer/dataset_hash.h"
+#include "trainer/trainer.h"
+#include "vdb/model_file.h"
+
+using namespace nerfvdb;
+using namespace nerfvdb::testing;
+using Catch::Contains;
+
+namespace {
+
+struct Notes : Report {
+    void info(const std::string& line) override { infos.push_back(line); }
+    void warn(const std::string& line) override { warnings.push_back(line); }
+    std::vector<std::string> infos, warnings;
+};
+
+/// A grey picture with one rectangle of another grey.
+void writeGrey(const std::filesystem::path& path, int width, int height, int grey, Vec3i corner = {0, 0, 0},
+               int patch = 0) {
+    Image image(width, height, 1);
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x)
+            image.at(x, y)[0] = static_cast<float>(x < corner.x() && y < corner.y() ? patch : grey) / 255.0f;
+    std::filesystem::create_directories(path.parent_path());
+    writeImage(path, image);
+}
+
+}  // namespace
+
+TEST_CASE("masks are found by the habits of nerfstudio and COLMAP") {
+    const TempDir dir;
+    const auto touch = [&](const std::string& name) {
+        std::filesystem::create_directories((dir / name).parent_path());
+        writeAtomically(dir / name, "x");
+        return dir / name;
+    };
+    const auto found = [&](const std::string& image) { return findMask(dir / image, dir.path()); };
+    CHECK(found("images/a.jpg").empty());
+    // The least particular name first: each of the next goes over those before.
+    for (const char* name : {"images/masks/a.png", "masks/a.jpg", "masks/a.jpg.png", "masks/a.png", "masks/images/a.png"}) {
+        CAPTURE(name);
+        const auto mask = touch(name);
+        CHECK(found("images/a.jpg") == mask);
+    }
+    CHECK(found("images/b.jpg").empty());
+    // Folders below, and photographs without a folder of their own.
+    CHECK(found("images/cat/c.png").empty());
+    const auto deep = touch("masks/cat/c.png");
+    CHECK(found("images/cat/c.png") == deep);
+    const auto flat = touch("masks/d.png");
+    CHECK(found("d.jpg") == flat);
+    CHECK(findMask(dir / "images" / ".." / "images" / "d.jpg", dir.path()) == flat);
+    // r_0 of train is not r_0 of test.
+    touch("masks/r_0.png");
+    CHECK(found("train/r_0.png").empty());
+    const auto train = touch("masks/train/r_0.png");
+    CHECK(found("train/r_0.png") == train);
+    CHECK(found("test/r_0.png").empty());
+    // Photographs outside the data set's folder.
+    CHECK(findMask(dir / "images/b/../d.jpg", dir / "models") == flat);
+}
+
+TEST_CASE("black pixels of a mask do not count, and sizes of the same aspect are scaled") {
+    const TempDir dir;
+    bool was_scaled = true;
+    writeGrey(dir / "m.png", 20, 10, 255, {6, 4, 0}, 0);
+    const PixelMask mask = readMask(dir / "m.png", 20, 10, was_scaled);
+    CHECK_FALSE(was_scaled);
+    CHECK(mask.count() == 200 - 24);
+    CHECK_FALSE(mask.counts(5, 3));
+    CHECK(mask.counts(6, 3));
+    CHECK(mask.counts(5, 4));
+
+    const PixelMask larger = readMask(dir / "m.png", 60, 31, was_scaled);  // 10 of 20 is 30 or 31 of 60
+    CHECK(was_scaled);
+    CHECK_FALSE(larger.counts(17, 11));
+    CHECK(larger.counts(18, 11));
+    const PixelMask smaller = readMask(dir / "m.png", 10, 5, was_scaled);
+    CHECK(was_scaled);
+    CHECK(smaller.count() == 50 - 6);
+
+    writeGrey(dir / "soft.png", 20, 10, 128, {6, 4, 0}, 127);
+    CHECK(readMask(dir / "soft.png", 20, 10, was_scaled) == mask);
+
+    for (const auto& [width, height] : {std::pair{10, 20}, {20, 13}, {200, 90}}) {
+        CAPTURE(width, height);
+        CHECK_THROWS_AS(readMask(dir / "m.png", width, height, was_scaled), DataError);
+        CHECK_THROWS_WITH(readMask(dir / "m.png", width, height, was_scaled),
+                          Contains("m.png") && Contains("20x10") && Contains("--no-masks"));
+    }
+    writeGrey(dir / "black.png", 20, 10, 1);
+    CHECK_THROWS_AS(readMask(dir / "black.png", 20, 10, was_scaled), DataError);
+    CHECK_THROWS_WITH(readMask(dir / "black.png", 20, 10, was_scaled),
+                      Contains("black.png") && Contains("hides the whole photograph") && Contains("--no-masks"));
+}
+
+TEST_CASE("a data set reads the masks beside its images, and says what they leave out") {
+    SceneFolder scene(4);
+    scene.save("transforms_train.json");
+    Notes plain;
+    CHECK(readDataset(scene.dir.path(), Split::train, {}, plain).views[0].mask.empty());
+    CHECK(plain.infos.empty());
+    writeGrey(scene.dir / "masks/100.png", 20, 10, 255, {20, 5, 0});
+    writeGrey(scene.dir / "masks/102.png.png", 10, 5, 255, {5, 5, 0});
+    Notes notes;
+    const Dataset dataset = readDataset(scene.dir.path(), Split::train, {}, notes);
+    CHECK(dataset.views[0].mask.count() == 100);
+    CHECK(dataset.views[1].mask.empty());
+    CHECK(dataset.views[2].mask.count() == 100);
+    CHECK(maskedShare(dataset) == 0.25);
+    REQUIRE(notes.infos.size() == 1);
+    CHECK_THAT(notes.infos[0], Contains("masks leave out 25.0 %"));
+    REQUIRE(notes.warnings.size() == 2);
+    CHECK_THAT(notes.warnings[0], Contains("2 of 4 photographs have no mask"));
+    CHECK_THAT(notes.warnings[1], Contains("1 of 4 photographs") && Contains("another size") && Contains("102.png.png"));
+    CHECK(dataset.warnings == notes.warnings);
+
+    Notes without;
+    DatasetOptions options;
+    options.use_masks = false;
+    const Dataset all = readDataset(scene.dir.path(), Split::train, options, without);
+    CHECK(all.views[0].mask.empty());
+    CHECK(without.infos.empty());
+    CHECK(datasetHash(all) != datasetHash(dataset));
+
+    for (const char* name : {"masks/101.png", "masks/103.png"}) writeGrey(scene.dir / name, 20, 10, 0);
+    CHECK_THROWS_WITH(readDataset(scene.dir.path(), Split::train, {}, notes), Contains("101.png"));
+}
+
+TEST_CASE("what a mask hides changes nothing of what is learned") {
+    // The same photographs, with other colours where the masks hide them.
+    Dataset first = test::sphereDataset(Split::train, 12, 48), second = first;
+    for (std::size_t v = 0; v < 12; ++v) {
+        PixelMask mask(48, 48);
+        for (int y = 0; y < 48; ++y)
+            for (int x = 0; x < 48; ++x)
+                if ((x + y + static_cast<int>(v)) % 17 > 4) mask.keep(x, y);
+                else second.views[v].photo.pixels[static_cast<std::size_t>(48 * y + x)][1] ^= 0xff;
+        first.views[v].mask = second.views[v].mask = mask;
+    }
+    const auto learned = [](const Dataset& dataset) {
+        TrainOptions options;
+        options.steps = {36, 40, 10};
+        Report silent;
+        const TempDir dir;
+        saveModel(train(dataset, options, silent, {}).model, dir / "model.vdb");
+        return readFile(dir / "model.vdb");
+    };
+    const std::string model = learned(first);
+    CHECK(learned(second) == model);
+    Dataset seen = second;
+    for (View& view : seen.views) view.mask = {};
+    CHECK(learned(seen) != model);
+    const ThreadLimit one(1);
+    CHECK(learned(first) == model);
+}
