@@ -8,6 +8,10 @@ namespace nerfvdb {
 namespace {
 
 constexpr int kSamplesPerRound = 8;  // a ray that turns opaque has looked at most this far behind its last sample
+constexpr double kFarthest = 1e15;   // voxels from which rays are traced: there a double has steps of 1/8
+constexpr double kMostTauScale = 1e30;  // times exp(kMaxRaw) it is finite still
+// Rays whose kept weights sum to less show nothing; the inverse of the sum, times a gradient, might overflow.
+constexpr float kLeastWeight = 1e-30f;
 
 }  // namespace
 
@@ -45,6 +49,7 @@ RayTracer::RayTracer(int max_rays) {
     const std::size_t rays = static_cast<std::size_t>(max_rays + kPadding);
     for (auto* array : {&ox_, &oy_, &oz_, &dx_, &dy_, &dz_, &length_, &offset_, &entry_, &transmittance_, &dropped_})
         array->resize(rays);
+    light_.resize(rays);
     directions_.resize(3 * rays);
     for (auto* array : {&next_, &alive_, &begin_}) array->resize(rays + 1);
     const std::size_t samples = rays * (kSamplesPerRound + kPadding) + kPadding;
@@ -65,7 +70,7 @@ void RayTracer::addRay(const TraceScene& scene, const Ray& ray, float step_voxel
         t_leave = std::min(t_leave, std::max(a, b));
     }
     const int r = n_rays_++;
-    const bool hits = t_leave > t_enter && std::isfinite(t_leave);
+    const bool hits = t_leave > t_enter && std::isfinite(t_leave) && t_enter < kFarthest;
     const Vec3d entry = origin + ray.direction * (hits ? t_enter : 0.0);
     ox_[r] = static_cast<float>(entry.x()), dx_[r] = static_cast<float>(ray.direction.x());
     oy_[r] = static_cast<float>(entry.y()), dy_[r] = static_cast<float>(ray.direction.y());
@@ -79,8 +84,8 @@ void RayTracer::addRay(const TraceScene& scene, const Ray& ray, float step_voxel
 
 void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, KeptSamples& kept) {
     const int channels = scene.bricks.channels;
-    tau_scale_ =
-        static_cast<float>(scene.density_scale * scene.frame.voxel_size * static_cast<double>(options.step_voxels));
+    tau_scale_ = static_cast<float>(std::min(
+        scene.density_scale * scene.frame.voxel_size * static_cast<double>(options.step_voxels), kMostTauScale));
     const RayTile rays{n_rays_, ox_.data(), oy_.data(), oz_.data(), dx_.data(), dy_.data(), dz_.data(),
                        length_.data(), offset_.data(), next_.data()};
     const SampleArrays samples{leaf_.data(), cell_.data(), x_.data(), y_.data(), z_.data(), t_.data()};
@@ -88,7 +93,7 @@ void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, Kept
     kept.n = 0;
     int n_alive = 0;
     for (int r = 0; r < n_rays_; ++r) {
-        transmittance_[r] = 1;
+        light_[r] = 1;
         dropped_[r] = 0;
         next_[r] = 0;
         alive_[n_alive++] = r;
@@ -108,7 +113,7 @@ void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, Kept
         int n_left = 0, k = kept.n;
         for (int a = 0; a < n_alive; ++a) {
             const int r = alive_[a];
-            CompositeRay light{transmittance_[r]};
+            CompositeRay light{light_[r]};
             float dropped = dropped_[r];
             for (int i = begin_[a]; i < begin_[a + 1] && light.transmittance >= options.stop_transmittance; ++i) {
                 const float weight = light.add(alpha_[i], decay_[i]);
@@ -118,16 +123,18 @@ void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, Kept
                 }
                 kept.leaf[k] = leaf_[i], kept.cell[k] = cell_[i], kept.ray[k] = r;
                 kept.x[k] = x_[i], kept.y[k] = y_[i], kept.z[k] = z_[i], kept.t[k] = t_[i];
-                kept.weight[k] = weight, kept.tau[k] = tau_[i], kept.transmittance[k] = light.transmittance;
+                kept.weight[k] = weight, kept.tau[k] = tau_[i], kept.transmittance[k] = static_cast<float>(light.transmittance);
                 ++k;
             }
-            transmittance_[r] = light.transmittance, dropped_[r] = dropped;
+            light_[r] = light.transmittance, dropped_[r] = dropped;
             counters_.rays_skipped += first_round && begin_[a] == begin_[a + 1];
             if (next_[r] >= 0 && light.transmittance >= options.stop_transmittance) alive_[n_left++] = r;
         }
         kept.n = k;
         n_alive = n_left;
     }
+
+    for (int r = 0; r < n_rays_; ++r) transmittance_[r] = static_cast<float>(light_[r]);
 
     // Marked in begin_, which the rounds are done with.
     std::fill_n(begin_.begin(), n_rays_, 0);
@@ -153,7 +160,7 @@ void RayTracer::averageFeatures(int channels, const KeptSamples& kept) {
     inverse_weight_.resize(static_cast<std::size_t>(n_rays_));
     for (int i = 0; i < kept.n; ++i) weight_[kept.ray[i]] += kept.weight[i];
     for (int r = 0; r < n_rays_; ++r) {
-        inverse_weight_[r] = weight_[r] > 0 ? 1 / weight_[r] : 0.0f;
+        inverse_weight_[r] = weight_[r] >= kLeastWeight ? 1 / weight_[r] : 0.0f;
         float* const features = &ray_features_[static_cast<std::size_t>(r) * channels];
         for (int c = 0; c < channels; ++c) features[c] *= inverse_weight_[r];
     }

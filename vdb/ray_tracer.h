@@ -107,6 +107,7 @@ private:
     int n_rays_ = 0;
     std::vector<float> ox_, oy_, oz_, dx_, dy_, dz_, length_, offset_, entry_, directions_;
     std::vector<std::int32_t> next_, alive_, begin_, lit_;
+    std::vector<double> light_;  // [ray] T in front of the next sample
     std::vector<float> transmittance_, dropped_, ray_features_, weight_, inverse_weight_;
     std::vector<std::int32_t> leaf_, cell_;
     std::vector<float> x_, y_, z_, t_, raw_, tau_, alpha_, decay_;
