@@ -135,7 +135,7 @@ std::vector<Torture> tortureCases(bool is_long) {
                                                : std::vector<double>{0, 1e-4, 1, 1e4, 1e8};
     const std::vector<double> steps = is_long ? std::vector<double>{1e-7, 1e-5, 1e-3, 1e-1, 1, 1e2, 1e4}
                                               : std::vector<double>{1e-7, 1e-3, 1, 1e4};
-    const std::vector<int> counts = is_long ? std::vector<int>{1, 8, 78, 1000, 10000} : std::vector<int>{1, 78, 1000};
+    const std::vector<int> counts = is_long ? std::vector<int>{1, 8, 78, 1000, 10000} : std::vector<int>{1, 78};
     const auto add = [&](double sigma, double dt, int n, Profile profile) {
         for (const double centre : {0.0, 1e7})
             for (const bool is_sparse : {false, true}) {
@@ -160,7 +160,7 @@ std::vector<Torture> tortureCases(bool is_long) {
     // As many samples as anyone has.
     for (const double whole : {1e-3, 1.0, 20.0, 100.0})
         for (const Profile profile : {Profile::constant, Profile::rough})
-            if (is_long || profile == Profile::rough || whole == 1.0)
+            if (is_long || (profile == Profile::rough && whole > 0.1 && whole < 50))
                 cases.push_back({profile, whole / (1e5 * 0.01), 0.01, 100000, 0, false});
     return cases;
 }

@@ -22,8 +22,6 @@
 namespace nerfvdb {
 namespace {
 
-constexpr std::int64_t kSteps = 60;
-
 Dataset smallSphere(Report& report) {
     SyntheticDatasetOptions pictures;
     pictures.train_views = 10, pictures.val_views = 0, pictures.test_views = 1;
@@ -54,10 +52,10 @@ bool isFinite(const Model& model) {
            model.background.allFinite();
 }
 
-TrainOptions shortTraining() {
+TrainOptions shortTraining(std::int64_t steps) {
     TrainOptions options;
     options.preset = Preset::fast;
-    options.steps = {kSteps};
+    options.steps = {steps};
     return options;
 }
 
@@ -143,7 +141,7 @@ class InputJudge {
 public:
     explicit InputJudge(Report& report) : report_(report) {}
 
-    void train(const std::string& name, const Dataset& dataset, const TrainOptions& options = shortTraining()) {
+    void train(const std::string& name, const Dataset& dataset, const TrainOptions& options) {
         StressRow row("hard input", name, "");
         try {
             Report silent;
@@ -197,14 +195,15 @@ double median(std::vector<double> values) {
 
 std::vector<StressRow> stressDeterminism(Report& report) {
     const Dataset dataset = smallSphere(report);
-    report.begin("determinism", 5);
+    constexpr std::int64_t kSteps = 60;
+    report.begin("determinism", 4);
     StressRow same("training", "other bytes of a model on 1, 2, 4 threads, and again", "none: sums have one order");
     std::string first;
     int done = 0;
     for (const int threads : {1, 2, 4, 2}) {
         const ThreadLimit limit(threads);
         Report silent;
-        const std::string bytes = bytesOf(train(dataset, shortTraining(), silent, {}).model);
+        const std::string bytes = bytesOf(train(dataset, shortTraining(kSteps), silent, {}).model);
         if (first.empty()) first = bytes;
         else same.check(bytes == first, [&] { return std::to_string(threads) + " threads"; });
         report.update(++done, std::to_string(threads) + " threads");
@@ -218,45 +217,46 @@ std::vector<StressRow> stressDeterminism(Report& report) {
     return {same, fast};
 }
 
-std::vector<StressRow> stressInput(const std::filesystem::path& scratch, Report& report) {
+std::vector<StressRow> stressInput(const std::filesystem::path& scratch, std::int64_t steps, Report& report) {
+    const TrainOptions usual = shortTraining(steps);
     const Dataset sphere = smallSphere(report);
     InputJudge judge(report);
     report.begin("hard input", 0);
-    judge.train("all black", painted(sphere, {0, 0, 0, 255}));
-    judge.train("all white", painted(sphere, {255, 255, 255, 255}));
-    judge.train("one colour everywhere", painted(sphere, {200, 30, 90, 255}));
-    judge.train("fully transparent", painted(sphere, {90, 90, 90, 0}));
-    judge.train("one percent opaque everywhere", painted(sphere, {90, 90, 90, 3}));
+    judge.train("all black", painted(sphere, {0, 0, 0, 255}), usual);
+    judge.train("all white", painted(sphere, {255, 255, 255, 255}), usual);
+    judge.train("one colour everywhere", painted(sphere, {200, 30, 90, 255}), usual);
+    judge.train("fully transparent", painted(sphere, {90, 90, 90, 0}), usual);
+    judge.train("one percent opaque everywhere", painted(sphere, {90, 90, 90, 3}), usual);
     {
         Dataset one = sphere;
         one.views.resize(1);
-        judge.train("one image", one);
-        judge.train("one image of one pixel", onePixel(one));
+        judge.train("one image", one, usual);
+        judge.train("one image of one pixel", onePixel(one), usual);
         Dataset none = sphere;
         none.views.clear();
-        judge.train("no image", none);
+        judge.train("no image", none, usual);
     }
-    judge.train("images of one pixel", onePixel(sphere));
-    judge.train("linear values of 1e4 (.exr)", brightened(sphere, scratch));
+    judge.train("images of one pixel", onePixel(sphere), usual);
+    judge.train("linear values of 1e4 (.exr)", brightened(sphere, scratch), usual);
     {
         Dataset twins = sphere;
         twins.views.insert(twins.views.end(), sphere.views.begin(), sphere.views.end());
-        judge.train("every camera twice", twins);
+        judge.train("every camera twice", twins, usual);
         for (View& view : twins.views) view.camera = sphere.views.front().camera;
-        judge.train("one camera for all pictures", twins);
+        judge.train("one camera for all pictures", twins, usual);
     }
     {
         Dataset inside = sphere;
         for (View& view : inside.views) view.camera.position *= 0.05;
-        judge.train("cameras inside the object", inside);
+        judge.train("cameras inside the object", inside, usual);
         inside = painted(inside, {120, 90, 60, 255});
-        judge.train("cameras inside the object, no alpha", inside);
+        judge.train("cameras inside the object, no alpha", inside, usual);
         Dataset outward = sphere;
         for (View& view : outward.views) view.camera.position = -view.camera.position;
-        judge.train("cameras that look away from the object", outward);
+        judge.train("cameras that look away from the object", outward, usual);
     }
-    const auto bounded = [](double low, double high) {
-        TrainOptions options = shortTraining();
+    const auto bounded = [&](double low, double high) {
+        TrainOptions options = usual;
         options.bounds = Box{Vec3d::Constant(low), Vec3d::Constant(high)};
         return options;
     };
@@ -272,7 +272,7 @@ std::vector<StressRow> stressInput(const std::filesystem::path& scratch, Report&
     {
         Dataset shifted = sphere;
         for (View& view : shifted.views) view.camera.position += Vec3d::Constant(1e7);
-        judge.train("a scene at 1e7", shifted);
+        judge.train("a scene at 1e7", shifted, usual);
     }
     report.end();
 
@@ -281,13 +281,13 @@ std::vector<StressRow> stressInput(const std::filesystem::path& scratch, Report&
         Dataset bad = sphere;
         bad.views[3].camera.position.x() = nan;
         Report silent;
-        train(bad, shortTraining(), silent, {});
+        train(bad, usual, silent, {});
     });
     judge.refuse("an infinite focal length to learn from", sphere.views[2].path.string(), [&] {
         Dataset bad = sphere;
         bad.views[2].camera.fx = infinity;
         Report silent;
-        train(bad, shortTraining(), silent, {});
+        train(bad, usual, silent, {});
     });
     judge.refuse("a box of NaN", "--bounds", [&] {
         Report silent;

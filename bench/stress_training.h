@@ -17,8 +17,9 @@ std::vector<StressRow> stressDeterminism(Report& report);
 
 /// Rows of area "hard input": pictures and cameras from which little or nothing can be learned; each converges, to a
 /// finite model, or stops with one of the house's errors. The row's reason tells which, and how. And of area "bad
-/// input": values that are not finite, each named where they enter. `scratch`: a folder for images.
-std::vector<StressRow> stressInput(const std::filesystem::path& scratch, Report& report);
+/// input": values that are not finite, each named where they enter. `scratch`: a folder for images;
+/// `steps` of each training.
+std::vector<StressRow> stressInput(const std::filesystem::path& scratch, std::int64_t steps, Report& report);
 
 struct SeedStressOptions {
     std::vector<std::string> scenes = {"sphere", "shell", "thin", "glossy", "fog", "demo"};

@@ -26,6 +26,7 @@ Command addExport(CLI::App& program);  // model -> .vdb for other programs
 Command addMesh(CLI::App& program);    // model -> .ply, .obj, .glb, .stl
 Command addInfo(CLI::App& program);    // what a model or a data set holds
 Command addBench(CLI::App& program);   // speed and quality, measured and compared
+Command addSelftest(CLI::App& program);  // numbers held against exact ones
 Command addSynth(CLI::App& program);   // procedural scene -> data set with exact truth
 
 /// --threads, --json and --version, which every command has.

@@ -26,7 +26,8 @@ int runProgram(int argc, char** argv) {
         "Example:\n  nerfvdb train photos/ --out model.vdb && nerfvdb export model.vdb --out volume.vdb\n"
         "\n'nerfvdb COMMAND --help' tells more.");
     const Command commands[] = {addTrain(program), addEval(program), addRender(program), addExport(program),
-                                addMesh(program),  addInfo(program), addSynth(program),  addBench(program)};
+                                addMesh(program),  addInfo(program), addSynth(program),  addBench(program),
+                                addSelftest(program)};
     try {
         program.parse(argc, argv);
     } catch (const CLI::ParseError& error) {
