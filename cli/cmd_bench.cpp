@@ -11,10 +11,14 @@
 #include "bench/result_plot.h"
 #include "bench/scaling.h"
 #include "bench/skip.h"
+#include "bench/stress.h"
+#include "bench/stress_skips.h"
 #include "bench/suite.h"
 #include "cli/commands.h"
 #include "cli/output_path.h"
 #include "cli/quantities.h"
+#include "cli/stress_words.h"
+#include "core/atomic_file.h"
 #include "core/error.h"
 
 namespace nerfvdb {
@@ -26,7 +30,7 @@ struct BenchWords {
     std::string model, one_data;    // of the others
     std::vector<std::string> presets, times;
     std::string before, after;
-    int repeats = 0, views = 0;
+    int repeats = 0, views = 0, seeds = StressOptions{}.seeds;
     bool quick = false;
     SharedOptions shared;
 };
@@ -120,6 +124,25 @@ void runMeasure(const BenchWords& words, const Measure& measure) {
     report.end();
     writeResult(result, plot, words.out);
     words.shared.finish(asJson(result), tableText(result));
+}
+
+void runStressSuite(const BenchWords& words) {
+    const auto limit = words.shared.begin();
+    prepareOutputFolder("--out", words.out);
+    TerminalReport report;
+    StressOptions options;
+    options.is_long = !words.quick;
+    options.seeds = words.seeds;
+    options.scratch = words.out;
+    const StressResult result = runStress(options, report);
+    const BenchResult curves = errorCurves({}, report);
+    report.end();
+    const std::filesystem::path out = words.out;
+    writeResult(curves, errorCurvePlot(curves), out);
+    writeAtomically(out / "stress.json", stressJson("bench stress", result).dump(2) + "\n");
+    writeAtomically(out / "stability.md", stressDocument(result, curves));
+    words.shared.finish(stressJson("bench stress", result), stressSummary(result) + "\n" + tableText(curves));
+    refuseFailures(result);
 }
 
 void runAll(const BenchWords& words) {
@@ -249,6 +272,20 @@ Command addBench(CLI::App& program) {
         "  nerfvdb bench kernels");
     add("mesh", "Triangles a second, memory and .vdb voxels a second, beside OpenVDB and VTK", &measureMesh,
         "  nerfvdb bench mesh --quick");
+
+    {
+        auto words = std::make_shared<BenchWords>();
+        CLI::App* const stress = bench.add_subcommand(
+            "stress", "Numbers against exact ones, hard input, error against work, seeds; exit code 1 if a promise breaks");
+        stress->add_option("--out", words->out, "Folder for stability.md, stress.json and the error curves [bench-results]")
+            ->type_name("DIR");
+        stress->add_option("--seeds", words->seeds, "Train each procedural scene with so many seeds; 0: not at all [20]")
+            ->check(CLI::Range(0, 1000))
+            ->type_name("N");
+        stress->add_flag("--quick", words->quick, "As selftest: under a minute, without seeds");
+        words->shared.add(*stress, "  nerfvdb bench stress --out results");
+        runs->push_back({stress, [words] { runStressSuite(*words); }});
+    }
 
     CLI::App* const everything = bench.add_subcommand("all", "All of these, as without a kind");
     addShared(*everything, all, "  nerfvdb bench all --quick --out results");

@@ -19,15 +19,16 @@ struct Command {
     std::function<void()> run;  // after parsing; throws Error
 };
 
-Command addTrain(CLI::App& program);    // photographs -> model.vdb, model.ckpt, model.csv
-Command addEval(CLI::App& program);     // model + photographs -> scores
-Command addRender(CLI::App& program);   // model + cameras -> pictures
-Command addExport(CLI::App& program);   // model -> .vdb for other programs
-Command addMesh(CLI::App& program);     // model -> .ply, .obj, .glb, .stl
-Command addInfo(CLI::App& program);     // what a model, a volume or a data set holds
-Command addBench(CLI::App& program);    // speed and quality, measured and compared
-Command addSynth(CLI::App& program);    // procedural scene -> data set with exact truth
-Command addPrepare(CLI::App& program);  // photographs without poses -> data set
+Command addTrain(CLI::App& program);     // photographs -> model.vdb, model.ckpt, model.csv
+Command addEval(CLI::App& program);      // model + photographs -> scores
+Command addRender(CLI::App& program);    // model + cameras -> pictures
+Command addExport(CLI::App& program);    // model -> .vdb for other programs
+Command addMesh(CLI::App& program);      // model -> .ply, .obj, .glb, .stl
+Command addInfo(CLI::App& program);      // what a model, a volume or a data set holds
+Command addBench(CLI::App& program);     // speed and quality, measured and compared
+Command addSelftest(CLI::App& program);  // numbers held against exact ones
+Command addSynth(CLI::App& program);     // procedural scene -> data set with exact truth
+Command addPrepare(CLI::App& program);   // photographs without poses -> data set
 
 /// --threads, --json and --version, which every command has.
 class SharedOptions {

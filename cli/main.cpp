@@ -25,9 +25,9 @@ int runProgram(int argc, char** argv) {
     program.footer(
         "Example:\n  nerfvdb train photos/ --out model.vdb && nerfvdb export model.vdb --out volume.vdb\n"
         "\n'nerfvdb COMMAND --help' tells more.");
-    const Command commands[] = {addTrain(program), addEval(program),    addRender(program),
-                                addExport(program), addMesh(program),   addInfo(program),
-                                addPrepare(program), addSynth(program), addBench(program)};
+    const Command commands[] = {addTrain(program),   addEval(program),  addRender(program), addExport(program),
+                                addMesh(program),    addInfo(program),  addPrepare(program), addSynth(program),
+                                addBench(program),   addSelftest(program)};
     try {
         program.parse(argc, argv);
     } catch (const CLI::ParseError& error) {

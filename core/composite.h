@@ -8,16 +8,17 @@
 
 namespace nerfvdb {
 
-/// Light that is left on a ray.
+/// Light that is left on a ray; in double, so that its error does not grow with the number of samples.
 struct CompositeRay {
-    float transmittance = 1;  // T_i in front of the next sample; after the last one, T_end
+    double transmittance = 1;  // T_i in front of the next sample; after the last one, T_end
 
     /// Weight w_i of a sample with alpha = 1 - exp(-tau) and decay = exp(-tau), both given, so that neither loses
-    /// digits: alpha by expm1 where tau is small, decay by exp where it is large.
+    /// digits: alpha by expm1 where tau is small, decay by exp where it is large. (Below tau = 3e-8 decay is 1 in
+    /// single precision: a thousand such samples would weigh something and stop nothing.)
     float add(float alpha, float decay) {
-        const float weight = transmittance * alpha;
-        transmittance *= decay;
-        return weight;
+        const double weight = transmittance * alpha;
+        transmittance = alpha < 0.5f ? transmittance - weight : transmittance * decay;
+        return static_cast<float>(weight);
     }
 };
 

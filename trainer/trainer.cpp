@@ -535,6 +535,9 @@ TrainResult Training::finish(bool interrupted) {
 TrainResult train(const Dataset& dataset, const TrainOptions& options, Report& report,
                   const std::function<void(const TrainProgress&)>& on_interval,
                   const std::filesystem::path& checkpoint, bool resume) {
+    for (const View& view : dataset.views)
+        if (const std::string problem = cameraProblem(view.camera); !problem.empty())
+            throw DataError(view.path.string() + ": camera: " + problem);
     Training training(dataset, options, report, on_interval, checkpoint);
     if (resume) training.resume();
     else training.start();

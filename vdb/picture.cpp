@@ -2,6 +2,7 @@
 #include "vdb/picture.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "core/error.h"
 #include "core/parallel.h"
@@ -42,6 +43,8 @@ RenderedImage renderPicture(const TraceScene& scene, const TraceOptions& options
                             const ShadeTile& shade) {
     const std::string problem = cameraProblem(camera);
     if (!problem.empty()) throw DataError("camera: " + problem);
+    if (!(options.step_voxels > 0) || !std::isfinite(options.step_voxels))
+        throw UsageError("rendering: step", std::to_string(options.step_voxels) + " voxels", "a positive number");
 
     const int width = camera.width, height = camera.height;
     RenderedImage result;

@@ -22,7 +22,7 @@ struct RenderedImage {
 /// Colours a traced tile: rgb [ray][3], zero at first -> sRGB values over the background. Called from any thread.
 using ShadeTile = std::function<void(RayTracer& tracer, float* rgb)>;
 
-/// Throws DataError for a camera that cannot be rendered (cameraProblem).
+/// Throws DataError for a camera that cannot be rendered (cameraProblem), UsageError for a step that is not positive.
 RenderedImage renderPicture(const TraceScene& scene, const TraceOptions& options, bool normals, const Camera& camera,
                             const ShadeTile& shade);
 

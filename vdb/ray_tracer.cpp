@@ -10,6 +10,10 @@ namespace nerfvdb {
 namespace {
 
 constexpr int kSamplesPerRound = 8;  // a ray that turns opaque has looked at most this far behind its last sample
+constexpr double kFarthest = 1e15;   // voxels from which rays are traced: there a double has steps of 1/8
+constexpr double kMostTauScale = 1e30;  // times exp(kMaxRaw) it is finite still
+// Rays whose kept weights sum to less show nothing; the inverse of the sum, times a gradient, might overflow.
+constexpr float kLeastWeight = 1e-30f;
 
 }  // namespace
 
@@ -45,6 +49,7 @@ void KeptSamples::reserve(std::size_t size) {
 RayTracer::RayTracer(int max_rays) {
     const std::size_t rays = static_cast<std::size_t>(max_rays + kPadding);
     for (auto* array : {&entry_, &transmittance_, &dropped_}) array->resize(rays);
+    light_.resize(rays);
     directions_.resize(3 * rays);
     has_met_.resize(rays);
     for (auto* array : {&alive_, &begin_, &first_stretch_}) array->resize(rays + 1);
@@ -58,7 +63,7 @@ namespace {
 /// Where a line is inside a box, as distances along it.
 struct Interval {
     double begin = 0, end = std::numeric_limits<double>::infinity();
-    bool isEmpty() const { return !(end > begin && std::isfinite(end)); }
+    bool isEmpty() const { return !(end > begin && std::isfinite(end) && begin < kFarthest); }
 };
 
 Interval insideBox(const Vec3d& low, const Vec3d& high, const Vec3d& origin, const Vec3d& direction) {
@@ -135,16 +140,16 @@ void RayTracer::addStretch(const TraceScene& scene, int shell, const Vec3d& orig
 
 void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, KeptSamples& kept) {
     const int channels = scene.bricks.channels;
-    tau_scale_ =
-        static_cast<float>(scene.density_scale * scene.frame.voxel_size * static_cast<double>(options.step_voxels));
-    const RayTile stretches{n_stretches_,  ox_.data(), oy_.data(),     oz_.data(),     dx_.data(),   dy_.data(), dz_.data(),
-                            length_.data(), offset_.data(), next_.data()};
+    tau_scale_ = static_cast<float>(std::min(
+        scene.density_scale * scene.frame.voxel_size * static_cast<double>(options.step_voxels), kMostTauScale));
+    const RayTile stretches{n_stretches_,   ox_.data(),     oy_.data(),  oz_.data(), dx_.data(), dy_.data(),
+                            dz_.data(),     length_.data(), offset_.data(), next_.data()};
     const SampleArrays samples{leaf_.data(), cell_.data(), x_.data(), y_.data(), z_.data(), t_.data()};
 
     kept.n = 0;
     int n_alive = 0;
     for (int r = 0; r < n_rays_; ++r) {
-        transmittance_[r] = 1;
+        light_[r] = 1;
         dropped_[r] = 0;
         has_met_[r] = 0;
         if (first_stretch_[r] < first_stretch_[r + 1]) alive_[n_alive++] = first_stretch_[r];
@@ -165,7 +170,7 @@ void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, Kept
         int n_left = 0, k = kept.n;
         for (int a = 0; a < n_alive; ++a) {
             const int s = alive_[a], r = ray_[s];
-            CompositeRay light{transmittance_[r]};
+            CompositeRay light{light_[r]};
             float dropped = dropped_[r];
             for (int i = begin_[a]; i < begin_[a + 1] && light.transmittance >= options.stop_transmittance; ++i) {
                 const float weight = light.add(alpha_[i], decay_[i]);
@@ -176,10 +181,11 @@ void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, Kept
                 kept.leaf[k] = leaf_[i], kept.cell[k] = cell_[i], kept.ray[k] = r;
                 kept.x[k] = x_[i], kept.y[k] = y_[i], kept.z[k] = z_[i];
                 kept.t[k] = t_begin_[s] + scale_[s] * t_[i];
-                kept.weight[k] = weight, kept.tau[k] = tau_[i], kept.transmittance[k] = light.transmittance;
+                kept.weight[k] = weight, kept.tau[k] = tau_[i];
+                kept.transmittance[k] = static_cast<float>(light.transmittance);
                 ++k;
             }
-            transmittance_[r] = light.transmittance, dropped_[r] = dropped;
+            light_[r] = light.transmittance, dropped_[r] = dropped;
             has_met_[r] |= begin_[a] < begin_[a + 1];
             if (light.transmittance < options.stop_transmittance) continue;
             if (next_[s] >= 0) alive_[n_left++] = s;
@@ -190,6 +196,8 @@ void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, Kept
     }
     counters_.rays_skipped +=
         static_cast<std::uint64_t>(std::count(has_met_.begin(), has_met_.begin() + n_rays_, std::uint8_t{0}));
+
+    for (int r = 0; r < n_rays_; ++r) transmittance_[r] = static_cast<float>(light_[r]);
 
     // Marked in begin_, which the rounds are done with.
     std::fill_n(begin_.begin(), n_rays_, 0);
@@ -215,7 +223,7 @@ void RayTracer::averageFeatures(int channels, const KeptSamples& kept) {
     inverse_weight_.resize(static_cast<std::size_t>(n_rays_));
     for (int i = 0; i < kept.n; ++i) weight_[kept.ray[i]] += kept.weight[i];
     for (int r = 0; r < n_rays_; ++r) {
-        inverse_weight_[r] = weight_[r] > 0 ? 1 / weight_[r] : 0.0f;
+        inverse_weight_[r] = weight_[r] >= kLeastWeight ? 1 / weight_[r] : 0.0f;
         float* const features = &ray_features_[static_cast<std::size_t>(r) * channels];
         for (int c = 0; c < channels; ++c) features[c] *= inverse_weight_[r];
     }

@@ -118,6 +118,7 @@ private:
     std::vector<float> entry_, directions_;
     std::vector<std::int32_t> alive_, begin_, lit_;
     std::vector<std::uint8_t> has_met_;               // [ray] an occupied cell
+    std::vector<double> light_;                       // [ray] T in front of the next sample
     std::vector<float> transmittance_, dropped_, ray_features_, weight_, inverse_weight_;
     std::vector<std::int32_t> leaf_, cell_;
     std::vector<float> x_, y_, z_, t_, raw_, tau_, alpha_, decay_;

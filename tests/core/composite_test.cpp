@@ -43,7 +43,7 @@ struct Forward {
     explicit Forward(const std::vector<double>& tau) {
         for (const double t : tau) {
             weight.push_back(ray.add(static_cast<float>(-std::expm1(-t)), static_cast<float>(std::exp(-t))));
-            behind.push_back(ray.transmittance);
+            behind.push_back(static_cast<float>(ray.transmittance));
         }
     }
 };
@@ -56,8 +56,17 @@ TEST_CASE("weights and transmittance sum to one, from fog to walls") {
         const Forward forward(random.tau);
         double sum = forward.ray.transmittance;
         for (const float w : forward.weight) sum += w;
-        // 200 products, each rounded to 6e-8 of at most 1.
-        CHECK(sum == Approx(1).margin(200 * 6e-8));
+        // Each weight and each decay is rounded to 6e-8 of itself, and they sum to 1: 200 samples or 2.
+        CHECK(sum == Approx(1).margin(3e-7));
+    }
+}
+
+TEST_CASE("a hundred thousand samples, each too thin for its decay to differ from 1, stop the light that they weigh") {
+    constexpr int kSamples = 100000;
+    for (const double tau : {1e-12, 1e-9, 1e-8, 2.9e-8, 3.1e-8, 1e-7, 1e-5}) {
+        const Forward forward(std::vector<double>(kSamples, tau));
+        // Each step rounds the light that is left, about 1, to 1e-16.
+        CHECK(1 - forward.ray.transmittance == Approx(-std::expm1(-kSamples * tau)).epsilon(1e-6).margin(1e-11));
     }
 }
 
@@ -65,7 +74,7 @@ TEST_CASE("the backward sum is the derivative, judged against the magnitudes of 
     for (const double largest : {1e-2, 1.0, 50.0, 1e6}) {
         const RandomRay random(64, largest, 5);
         const Forward forward(random.tau);
-        CompositeRayBackward backward(forward.ray.transmittance, static_cast<float>(random.dl_dtransmittance));
+        CompositeRayBackward backward(static_cast<float>(forward.ray.transmittance), static_cast<float>(random.dl_dtransmittance));
         for (int i = 63; i >= 0; --i) {
             const float found = backward.add(forward.weight[i], forward.behind[i], static_cast<float>(random.slope[i]));
 
@@ -97,7 +106,7 @@ TEST_CASE("the definition's derivative agrees with central differences") {
         down[i] -= 1e-6;
         const double difference = (random.loss(up) - random.loss(down)) / 2e-6;
         const Forward forward(random.tau);
-        CompositeRayBackward backward(forward.ray.transmittance, static_cast<float>(random.dl_dtransmittance));
+        CompositeRayBackward backward(static_cast<float>(forward.ray.transmittance), static_cast<float>(random.dl_dtransmittance));
         float found = 0;
         for (std::size_t j = random.tau.size(); j-- > i;)
             found = backward.add(forward.weight[j], forward.behind[j], static_cast<float>(random.slope[j]));
