@@ -21,7 +21,7 @@ ExactMarch::ExactMarch(const TraceScene& scene, const Ray& ray, float step_voxel
     for (int axis = 0; axis < 3; ++axis) {
         origin_[axis] = (static_cast<Exact>(ray.origin[axis]) - scene.frame.origin[axis]) / scene.frame.voxel_size;
         direction_[axis] = ray.direction[axis];
-        const Exact last = scene.box_max[axis];
+        const Exact last = scene.shells.extent[axis];
         // Parallel to the face, or so nearly that no distance matters: inside or not. The box holds its lower faces.
         if (!std::isfinite(1 / ray.direction[axis])) {
             if (origin_[axis] < 0 || origin_[axis] >= last) return;
@@ -52,11 +52,14 @@ std::optional<ExactSample> ExactMarch::sample(std::int64_t k) const {
     for (int axis = 0; axis < 3; ++axis) {
         const Exact p = position(k, axis);
         cell[axis] = std::clamp(static_cast<std::int64_t>(std::floor(p)), std::int64_t{0},
-                                static_cast<std::int64_t>(scene_.box_max[axis]) - 1);
+                                static_cast<std::int64_t>(scene_.shells.extent[axis]) - 1);
         fraction[axis] = std::clamp(p - static_cast<Exact>(cell[axis]), Exact{0}, Exact{1});
     }
-    const std::int32_t leaf = bricks.skip_table[((cell[0] >> 3) * bricks.table_dims[1] + (cell[1] >> 3)) *
-                                                    bricks.table_dims[2] + (cell[2] >> 3)];
+    const std::int32_t node = bricks.skip_nodes[((cell[0] >> 6) * bricks.node_dims[1] + (cell[1] >> 6)) *
+                                                    bricks.node_dims[2] + (cell[2] >> 6)];
+    if (node < 0) return std::nullopt;
+    const std::int32_t leaf = bricks.skip_leaves[node * std::int64_t{512} + (cell[0] >> 3 & 7) * 64 +
+                                                 (cell[1] >> 3 & 7) * 8 + (cell[2] >> 3 & 7)];
     if (leaf < 0) return std::nullopt;
     const int offset = static_cast<int>((cell[0] & 7) * 64 + (cell[1] & 7) * 8 + (cell[2] & 7));
     if (!(bricks.occupied[leaf * std::size_t{8} + static_cast<std::size_t>(offset >> 6)] >> (offset & 63) & 1))
@@ -114,7 +117,7 @@ ExactLight exactLight(const TraceScene& scene, float step_voxels, const std::vec
 ExactGradient exactGradient(const TraceScene& scene, const std::vector<ExactSample>& samples, const ExactLight& light,
                             const std::vector<float>& dl_dmean, float dl_dtransmittance, float dl_ddistortion) {
     const std::size_t n = samples.size(), channels = dl_dmean.size();
-    const Exact per_voxel = 1 / static_cast<Exact>(scene.box_max.maxCoeff());
+    const Exact per_voxel = 1 / static_cast<Exact>(scene.shells.extent.maxCoeff());
     Exact moment_sum = 0;
     for (std::size_t i = 0; i < n; ++i) moment_sum += light.weight[i] * samples[i].t * per_voxel;
 

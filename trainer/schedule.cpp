@@ -9,7 +9,7 @@
 
 namespace nerfvdb {
 
-std::vector<Stage> defaultStages(int n_levels, double rays) {
+std::vector<Stage> defaultStages(int n_levels, double rays, double space) {
     // Many small batches while space is being carved, large ones once there is detail to learn: at 64 voxels a
     // large batch prunes nothing.
     constexpr int kBatch[kMaxLevels] = {512, 1024, 4096, 8192};
@@ -22,7 +22,7 @@ std::vector<Stage> defaultStages(int n_levels, double rays) {
     double begin = 0;
     for (int level = 0; level < n_levels; ++level) {
         const bool is_finest = level + 1 == n_levels;
-        const double carving = kCarvingRays[level] * relativeRayCost(level) / (rays * relativeRayCost(n_levels - 1));
+        const double carving = space * kCarvingRays[level] * relativeRayCost(level) / (rays * relativeRayCost(n_levels - 1));
         const double share = std::max(kEnd[level] - (level > 0 ? kEnd[level - 1] : 0.0),
                                       std::min(carving, kMostCarving[level]));
         const double end = is_finest ? 1.0 : begin + share;
@@ -59,11 +59,11 @@ int levelsForRays(double rays, int max_levels) {
     return levels;
 }
 
-std::vector<Stage> stagesForSteps(std::int64_t total, int max_levels) {
+std::vector<Stage> stagesForSteps(std::int64_t total, int max_levels, double space) {
     for (int levels = max_levels;; --levels) {
-        std::vector<Stage> stages = defaultStages(levels, std::numeric_limits<double>::infinity());
+        std::vector<Stage> stages = defaultStages(levels, std::numeric_limits<double>::infinity(), space);
         planSteps(stages, total);
-        stages = defaultStages(levels, raysOf(stages));
+        stages = defaultStages(levels, raysOf(stages), space);
         planSteps(stages, total);
         shareBySteps(stages);
         if (levelsForRays(raysOf(stages), levels) == levels) return stages;

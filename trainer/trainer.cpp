@@ -114,6 +114,8 @@ public:
 
 private:
     bool isOpen() const;
+    /// What shells hold against one box: each leaves out an eighth of its own.
+    double carvedSpace() const { return 1 + 0.875 * (state_.field.shells().count - 1); }
     bool photosOnDisk() const { return !dataset_.views.empty() && dataset_.views.front().photo.tiles != nullptr; }
     std::size_t mappedPhotoBytes() const;  // of photographs on disk that may stand in memory at once
     void boundMappedPhotos();
@@ -282,10 +284,10 @@ void Training::planFromOptions() {
         shareBySteps(place_.stages);
     } else if (steps.size() == 1 || !options_.time_s) {
         place_.stages =
-            stagesForSteps(steps.empty() ? planFor(options_).steps : steps.front(), max_levels_);
+            stagesForSteps(steps.empty() ? planFor(options_).steps : steps.front(), max_levels_, carvedSpace());
     } else {
         // Until its cost is known: enough for the first stage to be measured in.
-        place_.stages = stagesForSteps(planFor(options_).steps, max_levels_);
+        place_.stages = stagesForSteps(planFor(options_).steps, max_levels_, carvedSpace());
         plans_time_ = true;
     }
     if (!plans_time_) report_.info("plan: " + scheduleText(place_.stages) + " steps");
@@ -310,7 +312,7 @@ void Training::replanForTime() {
     if (place_.stage == 0) {
         const auto raysAt = [&](int level) { return left * stage().batch / (step_seconds_ * relativeRayCost(level)); };
         const int levels = levelsForRays(raysAt(2), max_levels_);
-        place_.stages = defaultStages(levels, raysAt(levels - 1));
+        place_.stages = defaultStages(levels, raysAt(levels - 1), carvedSpace());
     }
     planTime(place_.stages, place_.stage, place_.step_in_stage, step_seconds_, left);
     report_.replan(totalSteps());
