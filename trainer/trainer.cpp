@@ -197,7 +197,8 @@ void Training::start() {
     state_.feature_moment = HugeArray<float>(state_.field.density().size());
     state_.seen.assign(cells.leafCount(), {});
     if (isOpen()) state_.min_seen = kOpenMinSeen;
-    if (isOpen()) state_.sky = Sky(kSkyWidth, meanColour(dataset_));
+    // Alpha says already what is not the scene.
+    if (isOpen() && !dataset_.has_alpha) state_.sky = Sky(kSkyWidth, meanColour(dataset_));
     place_.seed = options_.seed;
     place_.n_views = static_cast<int>(dataset_.views.size());
     place_.data_hash = datasetHash(dataset_);
