@@ -337,7 +337,7 @@ TEST_CASE("what is not a model is told apart") {
         writeVdb(folder / "other.vdb", {foreignGrid()}, facts);
         return messageOf(folder / "other.vdb");
     };
-    CHECK_THAT(messageWith("nerfvdb_format", 3), Contains("nerfvdb_format") && Contains("newer"));
+    CHECK_THAT(messageWith("nerfvdb_format", 4), Contains("nerfvdb_format") && Contains("newer"));
     CHECK_THAT(messageWith("nerfvdb_format", 1), Contains("nerfvdb_format") && Contains("older"));
     for (const int width : {-1, 0, 1025}) CHECK_THAT(messageWith("nerfvdb_decoder_width", width), Contains("1 to 1024"));
     CHECK_THAT(messageWith("nerfvdb_channels", 5), Contains("nerfvdb_channels") && Contains("4, 8 or 16"));
@@ -455,7 +455,7 @@ TEST_CASE("OpenVDB's Python module opens a model") {
                                "')\nassert [g.name for g in grids] == ['density']\n"
                                "assert grids[0].activeVoxelCount() == " +
                                std::to_string(listGrids(folder / "model.vdb").front().active_voxels) +
-                               "\nassert facts['nerfvdb_format'] == 2\nassert facts['nerfvdb_schedule'] == '120,300,900'\n";
+                               "\nassert facts['nerfvdb_format'] == 3\nassert facts['nerfvdb_schedule'] == '120,300,900'\n";
     writeBytes(folder / "check.py", script);
     CHECK(std::system(("/usr/bin/python3 " + (folder / "check.py").string()).c_str()) == 0);
 }
