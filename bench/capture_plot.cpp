@@ -18,7 +18,8 @@ namespace {
 constexpr double kPanel = 440;  // pixels, each way
 constexpr double kLeft = 24, kTop = 76, kGap = 24, kBottom = 64;
 constexpr double kAir = 0.08;          // around the cameras, share of the panel
-constexpr double kFrustum = 0.05;      // length of a camera's pyramid, share of the panel
+constexpr double kFrustum = 0.05;      // length of a camera's pyramid, share of the panel; less where there are many
+constexpr double kManyCameras = 60;
 constexpr double kBoxMost = 3;         // a box wider than so many times the cameras' extent does not set the scale
 constexpr const char* kTrained = "#2f7fd6";
 constexpr const char* kHeldOut = "#e0832a";
@@ -140,7 +141,7 @@ std::string crossAt(const Vec2d& p) {
 /// A bar of a round number of world units, about a quarter of a panel long, and what the colours mean.
 std::string legend(double scale, bool has_held_out, bool has_box) {
     const double most = 0.3 * kPanel / scale;
-    const double length = roundTicks(0, most, false, 1).back();
+    const double length = roundTicks(0, most, false, 3).back();
     const double y = kTop + kPanel + 26;
     std::string text = lineBetween(kLeft, y, kLeft + length * scale, y, "class=\"frame\" style=\"stroke-width:3\"");
     text += textAt(kLeft + length * scale + 8, y + 4, "", tickText(length) + " world units");
@@ -194,6 +195,8 @@ std::string svgText(const CapturePlot& plot, std::span<const CaptureView> views)
     if (!(extent > 0)) extent = plot.scene_box ? plot.scene_box->size().maxCoeff() : 1;
     const double scale = kPanel * (1 - 2 * kAir) / extent;
 
+    const double crowd = std::max(1.0, static_cast<double>(drawn.size()) / kManyCameras);
+    const double frustum = kFrustum * kPanel / scale / std::sqrt(crowd);
     const double width = 2 * kLeft + 2 * kPanel + kGap, height = kTop + kPanel + kBottom;
     std::string svg = svgBegin(width, height, plot.title) + textAt(kLeft, 34, "class=\"title\"", plot.title);
     for (std::size_t side = 0; side < 2; ++side) {
@@ -202,7 +205,7 @@ std::string svgText(const CapturePlot& plot, std::span<const CaptureView> views)
         svg += panel.begin(side == 0 ? "from above" : "from the side");
         if (plot.scene_box) svg += boxLines(panel, *plot.scene_box);
         svg += crossAt(panel.at(plot.middle));
-        for (const CaptureView* view : drawn) svg += cameraLines(panel, *view, kFrustum * kPanel / scale);
+        for (const CaptureView* view : drawn) svg += cameraLines(panel, *view, frustum);
         svg += "</g>\n";
     }
     svg += legend(scale, std::any_of(drawn.begin(), drawn.end(), [](const CaptureView* v) { return v->held_out; }),

@@ -2,6 +2,7 @@
 #include "cli/dataset_info.h"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <utility>
 
@@ -103,11 +104,14 @@ void describeCoverage(const CaptureReport& report, Description& out) {
     out.json["alone"] = report.alone;
     out.json["duplicates"] = report.duplicates;
     constexpr const char* kShapes[] = {"in one point", "in a line", "in a plane", "all around in three dimensions"};
-    out.text += formatted("cameras: stand %s, look %.0f degrees from their mean direction on average\n",
+    out.text += formatted("cameras: they stand %s, and look %.0f degrees from their mean direction on average\n",
                           kShapes[report.position_rank], report.mean_angle_deg);
+    // A middle at home is not where rounding puts it.
+    const double rounding = 1e-6 * report.position_spread.norm();
+    const Vec3d middle = report.middle.unaryExpr([&](double v) { return std::abs(v) < rounding ? 0.0 : v; });
     out.text += formatted("coverage: %zu of %zu see the middle, [%.4g, %.4g, %.4g], from directions up to %.0f degrees "
                           "apart\n",
-                          report.see_middle, report.usable, report.middle.x(), report.middle.y(), report.middle.z(),
+                          report.see_middle, report.usable, middle.x(), middle.y(), middle.z(),
                           report.widest_angle_deg);
 }
 

@@ -20,6 +20,7 @@ constexpr double kSameRotation = 1e-6;   // poses are printed with six digits or
 constexpr double kSamePosition = 1e-6;   // of the largest coordinate
 constexpr std::size_t kNamesTold = 3;
 constexpr std::size_t kFewViews = 20;
+constexpr double kParallel_deg = 2;      // where commonFocus gives up
 constexpr double kSmallAngle_deg = 10;   // less than a stride around a thing that stands a few metres away
 
 using Views = std::vector<const CaptureView*>;
@@ -90,19 +91,23 @@ void measurePositions(const Views& views, CaptureReport& report) {
 
 void measureDirections(const Views& views, CaptureReport& report) {
     Dataset cameras;
-    Vec3d mean = Vec3d::Zero();
+    Vec3d mean = Vec3d::Zero(), positions = Vec3d::Zero();  // of the optical axes; of the positions
     for (const CaptureView* view : views) {
         cameras.views.push_back({view->camera, {}, {}});
         mean += opticalAxis(view->camera);
+        positions += view->camera.position / static_cast<double>(views.size());
     }
-    report.middle = commonFocus(cameras);
-    std::vector<Vec3d> lines_of_sight;
-    for (const CaptureView* view : views) {
-        if (mean.norm() > 0)
+    if (mean.norm() > 0)
+        for (const CaptureView* view : views)
             report.mean_angle_deg += angleBetween(opticalAxis(view->camera), mean) / static_cast<double>(views.size());
-        if (!sees(view->camera, report.middle)) continue;
-        lines_of_sight.push_back(report.middle - view->camera.position);
-    }
+    report.middle = commonFocus(cameras);
+    // Axes that meet nowhere: what these cameras look at lies ahead, as far as can be told.
+    const double extent = report.camera_bounds.size().norm();
+    if (report.mean_angle_deg < kParallel_deg && (report.middle - positions).norm() <= kSamePosition * extent)
+        report.middle += extent * mean.normalized();
+    std::vector<Vec3d> lines_of_sight;
+    for (const CaptureView* view : views)
+        if (sees(view->camera, report.middle)) lines_of_sight.push_back(report.middle - view->camera.position);
     report.see_middle = lines_of_sight.size();
     for (std::size_t i = 0; i < lines_of_sight.size(); ++i)
         for (std::size_t j = 0; j < i; ++j)
@@ -186,7 +191,7 @@ void addWarnings(std::size_t n_views, CaptureReport& report) {
     if (!report.alone.empty() && n > 1)
         say(std::to_string(report.alone.size()) + " of " + std::to_string(n) +
             " views share nothing with any other: " + joined(report.alone) + "; are the poses camera to world?");
-    else if (2 * report.see_middle < n && n > 2)
+    else if (2 * report.see_middle < n && n > 2 && report.position_rank > 0)
         say("only " + std::to_string(report.see_middle) + " of " + std::to_string(n) +
             " views see the middle: they look outward or past each other; give --bounds for what matters");
     else if (n > 2 && report.position_rank > 0 && report.widest_angle_deg < kSmallAngle_deg)

@@ -35,7 +35,9 @@ struct CaptureReport {
     Vec3d position_spread = Vec3d::Zero();
     int position_rank = 0;
 
-    Vec3d middle = Vec3d::Zero();    // the point nearest to all optical axes; see commonFocus
+    /// The point nearest to all optical axes (commonFocus); of parallel ones, as far ahead of the cameras as their
+    /// bounds are large.
+    Vec3d middle = Vec3d::Zero();
     std::size_t see_middle = 0;      // views that have it in their picture
     double mean_angle_deg = 0;       // between optical axes and their mean direction
     double widest_angle_deg = 0;     // between the directions from which two of the views that see the middle look at it

@@ -37,7 +37,7 @@ has_keys() {
     for key in "$@"; do grep -q "\"$key\":" "$file" || fail "$file has no key $key: $(cat "$file")"; done
 }
 
-readonly commands=(train eval render export mesh info synth bench)
+readonly commands=(train eval render export mesh info synth bench prepare)
 
 # A data set that trains in moments.
 tiny_scene() { expect 0 synth sphere --out data --views 12 --val-views 0 --test-views 3 --width 48 --height 48 "$@"; }
@@ -276,8 +276,105 @@ JSON
     expect 2 mesh model.vdb --out mesh.ply --stream --min-faces 9
     says err "--stream"
     [[ -s volume.vdb && -s mesh.ply && -s mesh.obj ]] || fail "an export is missing"
-    expect 1 info volume.vdb
-    says err "volume.vdb"
+    expect 0 info volume.vdb --json -
+    has_keys out kind grids type class active_voxels dims voxel_size bounds file_bytes
+    expect 0 info volume.vdb
+    says out "grid density: float, fog volume, "
+    says out "grid color: vec3s"
+    head -c $(($(bytes volume.vdb) - 100)) volume.vdb >short.vdb
+    expect 1 info short.vdb
+    says err "short.vdb: found damaged or truncated content"
+    expect 2 info volume.vdb --plot cameras.svg
+    says err "--plot"
+}
+
+test_info() {
+    tiny_scene --no-truth
+    expect 0 info data --plot cameras.svg --json -
+    has_keys out splits views sizes lenses focal_length alpha camera_bounds coverage middle see_middle \
+        mean_angle_degrees widest_angle_degrees position_spread position_rank unusable alone duplicates scene_box warnings
+    says out '"see_middle": 15'
+    grep -qF '</svg>' cameras.svg || fail "no picture of the cameras"
+    expect 0 info data
+    says out "train: 12 of 48x48 views, alpha, one lens"
+    says out "coverage: 15 of 15 see the middle, [0, 0, 0]"
+    says out "scene box: ["
+    says out "warning: only 15 views"
+
+    # A mirrored pose is refused by training, and named beside all the rest here.
+    sed -i -E '0,/"transform_matrix"/s//"transform_matrix": [[-1,0,0,0],[0,1,0,0],[0,0,1,4],[0,0,0,1]], "was"/' \
+        data/transforms_train.json
+    expect 1 train data --out model.vdb
+    says err "pose is a mirror"
+    expect 0 info data --json -
+    says out "pose is a mirror"
+    says out '"scene_box": null'
+    expect 0 info data
+    says out "warning: 1 of 15 cameras are unusable, and training will refuse them: train/r_0.png: pose is a mirror"
+}
+
+# with_fake_colmap: a COLMAP that does as the folder `fake` tells, first on PATH.
+with_fake_colmap() {
+    mkdir -p bin fake
+    ln -s "$tests/../support/fake_colmap.sh" bin/colmap
+    export FAKE_COLMAP=$PWD/fake
+    PATH=$PWD/bin:$PATH
+}
+
+test_prepare() {
+    local code=0 waited=0 pid
+    tiny_scene --no-truth
+    mv data/train photos
+    rm -r data
+    PATH=$scratch/nothing expect 1 prepare photos --out data
+    says err "colmap: found no such program on PATH"
+    says err "sudo apt install colmap"
+    [[ ! -e data ]] || fail "a folder was begun without COLMAP"
+
+    with_fake_colmap
+    (cd photos && ls | grep -v r_3.png) >fake/registered.0
+    touch fake/hang_mapper
+    "$program" prepare photos --out data >out 2>err &
+    pid=$!
+    until [[ -e fake/hanging ]] || (( waited++ > 600 )); do sleep 0.1; done
+    kill -INT $pid
+    wait $pid || code=$?
+    [[ $code -eq 130 ]] || fail "exit code $code after an interrupt, expected 130"
+    says err "stopped while mapping"
+    says err "the same command goes on"
+
+    rm fake/hang_mapper fake/calls
+    expect 0 prepare photos --out data --json -
+    has_keys out photographs registered unregistered models points reprojection_error_pixels matching matching_reason \
+        pairs shared_camera predicted_seconds seconds
+    says out '"r_3.png"'
+    says err "warning: 1 of 12 photographs have no camera in it: r_3.png"
+    [[ "$(cut -d' ' -f1 fake/calls)" == $'mapper\nmodel_analyzer' ]] || fail "calls: $(cat fake/calls)"
+    [[ -s data/sparse/0/images.bin && photos/r_3.png -ef data/images/r_3.png ]] || fail "no data set: $(find data)"
+    expect 0 prepare photos --out data
+    says out "data: 11 of 12 photographs have a camera"
+    expect 1 prepare photos --out data --max-size 500
+    says err "--force"
+    printf 'it went wrong\n' >fake/fail_sequential_matcher
+    expect 1 prepare photos --out data --force --matching sequential
+    says err "colmap: it went wrong"
+    says err "matching.log: found that 'colmap sequential_matcher' ended with exit code 3"
+    touch walk.mp4
+    expect 1 prepare walk.mp4 --out other
+    says err "ffmpeg -i 'walk.mp4'"
+    expect 2 prepare photos --out data --matching all
+}
+
+# The real COLMAP, where there is one, on pictures of the demo scene.
+test_colmap() {
+    if ! command -v colmap >/dev/null; then
+        echo "skipped: no colmap here"
+        exit 77
+    fi
+    expect 0 synth demo --out data --views 2 --val-views 0 --test-views 12 --width 240 --height 240 --no-truth
+    expect 0 prepare data/test --out prepared --json -
+    cat out err
+    [[ -s prepared/sparse/0/cameras.bin ]] || fail "no model"
 }
 
 # foreign_volume FILE PYTHON...: a volume as another program writes it; the words act on a FloatGrid `fog`.

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trainer/read_transforms.h"
 
+#include <Eigen/LU>
 #include <cmath>
 #include <functional>
 
@@ -260,6 +261,20 @@ TEST_CASE("what makes no camera is named by file and field", "[trainer]") {
             for (const std::string& part : c.message) CHECK_THAT(error.what(), Contains(part));
         }
     }
+}
+
+TEST_CASE("where poses are not checked, those that no camera can have come as they are written", "[trainer]") {
+    SceneFolder scene(4);
+    for (int r = 0; r < 3; ++r) {
+        nlohmann::json& value = scene.frame(1)["transform_matrix"][static_cast<std::size_t>(r)][0];
+        value = -value.get<double>();
+    }
+    scene.save();
+    CHECK_THROWS_AS(readTransforms(scene.dir.path(), Split::train, false), DataError);
+    const Dataset dataset = readTransforms(scene.dir.path(), Split::train, false, /*check_poses=*/false);
+    REQUIRE(dataset.views.size() == 3);
+    CHECK(dataset.views[0].camera.world_from_camera.determinant() == Approx(-1));
+    CHECK(dataset.views[1].camera.world_from_camera.determinant() == Approx(1));
 }
 
 TEST_CASE("a path that is no data set is refused", "[trainer]") {
