@@ -13,6 +13,7 @@
 #include "trainer/faint_cells.h"
 #include "trainer/model_cameras.h"
 #include "trainer/scene_box.h"
+#include "trainer/step_guard.h"
 #include "vdb/adapt.h"
 
 namespace nerfvdb {
@@ -107,7 +108,7 @@ private:
     void planFromOptions();
     void checkFinestVoxel(const Box& box, double coarsest_voxel) const;
     void replanForTime();
-    bool runStage();  // false: the user asked to stop
+    bool runStage();  // false: the user asked to stop, or numeric_error_ says why
     void stepOnce();
     void enterStage();
     void refine();
@@ -129,6 +130,8 @@ private:
     TrainState state_;
     TrainPlace place_;
     TrainStepper stepper_;
+    StepGuard guard_;
+    std::string numeric_error_;
     TraceOptions trace_;
     int max_levels_ = kMaxLevels;
     bool plans_time_ = false;
@@ -306,8 +309,8 @@ TrainResult Training::run() {
     report_.begin("training", totalSteps());
     for (;;) {
         if (!runStage()) {
-            save();
-            return finish(/*interrupted=*/true);
+            if (numeric_error_.empty()) save();
+            return finish(/*interrupted=*/numeric_error_.empty());
         }
         if (place_.stage + 1 == place_.stages.size()) break;
         enterStage();
@@ -333,6 +336,7 @@ bool Training::runStage() {
             place_.next_occupancy += std::clamp(place_.step_in_stage / 2, kFirstOccupancy, kLastOccupancy);
         }
         stepOnce();
+        if (!numeric_error_.empty()) return false;
         const bool is_new_level = place_.stage == 0 || place_.stages[place_.stage - 1].level != stage().level;
         if (plans_time_ && is_new_level && place_.step_in_stage == std::min(kProbeSteps, stage().steps))
             replanForTime();
@@ -349,13 +353,12 @@ bool Training::runStage() {
 
 void Training::stepOnce() {
     const double begin = clock_.seconds();
-    const StepReport result = stepper_.step(state_, source_, static_cast<std::uint64_t>(place_.step), stage().batch,
-                                            rates(), trace_);
-    if (!result.is_finite)
-        throw NumericError("training: a colour that is not finite at step " + std::to_string(place_.step) +
-                           ", image " + dataset_.views[static_cast<std::size_t>(result.bad_view)].path.string() +
-                           ", pixel (" + std::to_string(result.bad_x) + ", " + std::to_string(result.bad_y) + ")" +
-                           (has_checkpoint_ ? "; the last checkpoint is good" : ""));
+    const StepReport result = guard_.step(stepper_, state_, source_, static_cast<std::uint64_t>(place_.step),
+                                          stage().batch, rates(), trace_);
+    if (!result.is_finite) {
+        numeric_error_ = StepGuard::complaint(result, place_.step, dataset_);
+        return;
+    }
     const double mean = result.squared_error / (3.0 * static_cast<double>(result.rays));
     place_.mean_error = place_.step == 0 ? mean : kErrorMemory * place_.mean_error + (1 - kErrorMemory) * mean;
     place_.rays += result.rays;
@@ -455,6 +458,8 @@ TrainResult Training::finish(bool interrupted) {
     result.steps = place_.step;
     result.interrupted = interrupted;
     result.active_voxels = result.model.field.topology().voxelCount();
+    result.undone_steps = guard_.undone();
+    result.numeric_error = numeric_error_;
     result.checkpoint_error = checkpoint_error_;
     result.notes = notes_;
     return result;
