@@ -269,7 +269,8 @@ private:
         for (int c = 0; c < kChannels; ++c)
             is_finite =
                 is_finite && std::isfinite(tile.dl_dray_features[c]) && std::isfinite(tracer.rayFeatures()[c]);
-        finite_.check(is_finite && std::isfinite(tracer.transmittance()[0]), describe);
+        finite_.check(is_finite && std::isfinite(tracer.transmittance()[0]) && std::isfinite(tracer.entry()[0]),
+                      describe);
         if (light.weight_sum >= kLeastSpoken) {
             const ExactGradient gradient =
                 exactGradient(scene, given, light, dl_dmean, dl_dtransmittance, dl_ddistortion);

@@ -28,7 +28,7 @@ void StressRow::add(double value, double bound_of_case, const std::function<std:
     ++cases;
     const bool fails = !(value <= bound_of_case);
     failed += fails;
-    if (!(value <= largest)) largest = value;
+    if (!std::isnan(largest) && !(value <= largest)) largest = value;
     double share = 0;
     if (fails && !std::isfinite(value))
         share = std::numeric_limits<double>::infinity();

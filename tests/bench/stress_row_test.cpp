@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "bench/stress_row.h"
 
+#include <cmath>
 #include <limits>
 
 #include "tests/support/catch.h"
@@ -32,8 +33,10 @@ TEST_CASE("NaN and infinity fail whatever the bound, and so does anything but ze
         StressRow row("area", "name", "reason");
         row.add(1e300, 1e300, [] { return std::string("large"); });
         row.add(value, 1e308, [] { return std::string("this"); });
+        row.add(1, 2);
         CHECK(row.failed == 1);
         CHECK(row.worst_case == "this");
+        CHECK_FALSE(std::isfinite(row.largest));
     }
     StressRow row("area", "name", "reason");
     row.add(0, 0);

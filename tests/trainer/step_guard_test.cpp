@@ -91,8 +91,7 @@ TEST_CASE("gradients too large to square move nothing") {
     TrainState state = freshState();
     RaySource source(sphere(), 11);
     source.update(state.field, state.occupancy);
-    for (float& value : state.field.features()) value = 1e17f;
-    for (std::size_t i = 0; i < state.field.features().size(); i += 3) state.field.features()[i] = -1e17f;
+    state.distortion = 1e22f;  // its gradient is a small multiple
     const std::vector<float> density = copyOf(state.field.density());
     TrainStepper stepper;
     StepGuard guard;
