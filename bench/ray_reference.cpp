@@ -19,10 +19,12 @@ ExactMarch::ExactMarch(const TraceScene& scene, const Ray& ray, float step_voxel
     : scene_(scene), step_(step_voxels), offset_(jitter * step_voxels) {
     Exact enter = 0, leave = std::numeric_limits<Exact>::infinity();
     for (int axis = 0; axis < 3; ++axis) {
-        origin_[axis] = (static_cast<Exact>(ray.origin[axis]) - scene.frame.origin[axis]) / scene.frame.voxel_size;
+        origin_[axis] =
+            (static_cast<Exact>(ray.origin[axis]) - scene.frame.origin[axis]) / scene.frame.voxel_size;
         direction_[axis] = ray.direction[axis];
         const Exact last = scene.shells.extent[axis];
-        // Parallel to the face, or so nearly that no distance matters: inside or not. The box holds its lower faces.
+        // Parallel to the face, or so nearly that no distance matters: inside or not. The box holds its lower
+        // faces.
         if (!std::isfinite(1 / ray.direction[axis])) {
             if (origin_[axis] < 0 || origin_[axis] >= last) return;
             continue;
@@ -114,8 +116,9 @@ ExactLight exactLight(const TraceScene& scene, float step_voxels, const std::vec
     return light;
 }
 
-ExactGradient exactGradient(const TraceScene& scene, const std::vector<ExactSample>& samples, const ExactLight& light,
-                            const std::vector<float>& dl_dmean, float dl_dtransmittance, float dl_ddistortion) {
+ExactGradient exactGradient(const TraceScene& scene, const std::vector<ExactSample>& samples,
+                            const ExactLight& light, const std::vector<float>& dl_dmean,
+                            float dl_dtransmittance, float dl_ddistortion) {
     const std::size_t n = samples.size(), channels = dl_dmean.size();
     const Exact per_voxel = 1 / static_cast<Exact>(scene.shells.extent.maxCoeff());
     Exact moment_sum = 0;
@@ -133,7 +136,8 @@ ExactGradient exactGradient(const TraceScene& scene, const std::vector<ExactSamp
         const Exact s = samples[i].t * per_voxel, w = light.weight[i];
         const Exact weight_behind = light.weight_sum - weight_in_front - w,
                     moment_behind = moment_sum - moment_in_front - w * s;
-        slope[i] += dl_ddistortion * 2 * (s * weight_in_front - moment_in_front + moment_behind - s * weight_behind);
+        slope[i] +=
+            dl_ddistortion * 2 * (s * weight_in_front - moment_in_front + moment_behind - s * weight_behind);
         terms[i] += std::abs(dl_ddistortion) * 2 * (s * light.weight_sum + moment_sum);
         weight_in_front += w, moment_in_front += w * s;
         gradient.largest_slope = std::max(gradient.largest_slope, terms[i]);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A ray's light and its derivative in long double, from the definitions of vdb/ray_tracer.h, with nothing skipped,
-// dropped or stopped early: the judge of the fast one. Shares no arithmetic with it, only the bricks that it reads.
+// A ray's light and its derivative in long double, from the definitions of vdb/ray_tracer.h, with nothing
+// skipped, dropped or stopped early: the judge of the fast one. Shares no arithmetic with it, only the bricks
+// that it reads.
 #pragma once
 
 #include <cstdint>
@@ -62,7 +63,8 @@ struct ExactGradient {
     std::vector<Exact> dl_draw, magnitude;
     Exact largest_slope = 0;  // the largest |dl_dw_i| by magnitudes, and |dl_dT_end|
 };
-ExactGradient exactGradient(const TraceScene& scene, const std::vector<ExactSample>& samples, const ExactLight& light,
-                            const std::vector<float>& dl_dmean, float dl_dtransmittance, float dl_ddistortion);
+ExactGradient exactGradient(const TraceScene& scene, const std::vector<ExactSample>& samples,
+                            const ExactLight& light, const std::vector<float>& dl_dmean,
+                            float dl_dtransmittance, float dl_ddistortion);
 
 }  // namespace nerfvdb

@@ -16,7 +16,7 @@
 namespace nerfvdb {
 namespace {
 
-constexpr std::int64_t kShortSteps = 40, kLongSteps = 400;  // of a training on hard input
+constexpr std::int64_t kShortSteps = 40, kLongSteps = 120;  // of a training on hard input
 constexpr int kShortScenes = 30, kLongScenes = 500;         // that try to break the bound of skipping
 
 /// Rays on every instruction set; the areas are told apart by its name.
@@ -63,7 +63,8 @@ std::string stressDocument(const StressResult& result, const BenchResult& curves
     std::string text = std::to_string(result.rows.size()) + " rows, " + std::to_string(cases) + " cases, " +
                        std::to_string(failed) + " beyond their bound; " + factsLine(result.facts) + "\n\n" +
                        stressMarkdown(result.rows);
-    text += "\n### error against work\n\n" + curves.title + ", levels of 8 bits.\n\n| Knob | Value | Samples a ray |"
+    text += "\n### error against work\n\n" + curves.title +
+            ", levels of 8 bits.\n\n| Knob | Value | Samples a ray |"
             " With features | Largest error | Mean error | Bound |\n|---|---|---|---|---|---|---|\n";
     const auto cell = [&](const BenchRow& row, const char* column) {
         const double value = curves.median(row, column);
@@ -71,7 +72,8 @@ std::string stressDocument(const StressResult& result, const BenchResult& curves
     };
     for (const BenchRow& row : curves.rows) {
         text += "| " + row.series + " | " + row.label;
-        for (const char* column : {"density_samples", "feature_samples", "largest_error", "mean_error", "bound"})
+        for (const char* column :
+             {"density_samples", "feature_samples", "largest_error", "mean_error", "bound"})
             text += " | " + cell(row, column);
         text += " |\n";
     }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The suite of numerical promises: short, as `nerfvdb selftest` runs it, and long, as `nerfvdb bench stress` does.
+// The suite of numerical promises: short, as `nerfvdb selftest` runs it, and long, as `nerfvdb bench stress`
+// does.
 #pragma once
 
 #include <filesystem>
@@ -15,7 +16,8 @@ namespace nerfvdb {
 struct StressOptions {
     bool is_long = false;  // every combination, every instruction set, longer trainings, many seeds
     int seeds = 20;        // of each procedural scene; only if long, 0: none
-    std::filesystem::path scratch = std::filesystem::temp_directory_path();  // images and models stay there briefly
+    std::filesystem::path scratch =
+        std::filesystem::temp_directory_path();  // images and models stay there briefly
 };
 
 struct StressResult {

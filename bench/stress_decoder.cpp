@@ -98,7 +98,8 @@ void exactBackward(const Decoder& decoder, const ExactDecoder& forward, const Va
         end = begin;
     }
     dl_dinput = slope;
-    for (std::size_t c = 0; c < 3; ++c) dl_dinput.value[c] += output.value[c], dl_dinput.terms[c] += output.terms[c];
+    for (std::size_t c = 0; c < 3; ++c)
+        dl_dinput.value[c] += output.value[c], dl_dinput.terms[c] += output.terms[c];
 }
 
 }  // namespace
@@ -117,13 +118,15 @@ std::vector<StressRow> stressDecoder(Report& report) {
                 Decoder decoder(channels, 3, width);
                 std::span<float> parameters = decoder.parameters();
                 for (std::size_t i = 0; i < parameters.size(); ++i) parameters[i] += random(-0.1f, 0.1f, 1, i);
-                std::vector<float> features(kRays * channels), direction(3 * kRays), transmittance(kRays), rgb(3 * kRays);
+                std::vector<float> features(kRays * channels), direction(3 * kRays), transmittance(kRays),
+                    rgb(3 * kRays);
                 for (std::size_t i = 0; i < features.size(); ++i) features[i] = random(-size, size, 2, i);
                 std::vector<float> dl_drgb(3 * kRays), dl_dfeatures(features.size()), dl_dtransmittance(kRays),
                     dl_dparameters(parameters.size());
                 for (int r = 0; r < kRays; ++r) {
                     const auto at = static_cast<std::uint64_t>(r);
-                    const Vec3d d = Vec3d(random(-1, 1, 3, at), random(-1, 1, 4, at), random(-1, 1, 5, at)).normalized();
+                    const Vec3d d =
+                        Vec3d(random(-1, 1, 3, at), random(-1, 1, 4, at), random(-1, 1, 5, at)).normalized();
                     for (int c = 0; c < 3; ++c) {
                         direction[3 * r + c] = static_cast<float>(d[c]);
                         dl_drgb[3 * r + c] = random(-1, 1, 6, 3 * at + static_cast<std::uint64_t>(c));
@@ -131,8 +134,10 @@ std::vector<StressRow> stressDecoder(Report& report) {
                     transmittance[r] = r % 5 == 0 ? 0.0f : random(0, 1, 7, at);
                 }
                 Decoder::Workspace work;
-                decoder.forward(kRays, features.data(), direction.data(), transmittance.data(), rgb.data(), work);
-                decoder.backward(kRays, dl_drgb.data(), dl_dfeatures.data(), dl_dtransmittance.data(), dl_dparameters, work);
+                decoder.forward(kRays, features.data(), direction.data(), transmittance.data(), rgb.data(),
+                                work);
+                decoder.backward(kRays, dl_drgb.data(), dl_dfeatures.data(), dl_dtransmittance.data(),
+                                 dl_dparameters, work);
 
                 Layer dl_dnetwork{Values(parameters.size()), Values(parameters.size())};
                 const double error = 2 * (channels + 17 + 2 * width + 20 + kRays) * kRounding;
@@ -140,7 +145,8 @@ std::vector<StressRow> stressDecoder(Report& report) {
                 for (int r = 0; r < kRays; ++r) {
                     Values input(features.begin() + r * channels, features.begin() + (r + 1) * channels);
                     float harmonics[kSphericalHarmonics];
-                    sphericalHarmonics(direction[3 * r], direction[3 * r + 1], direction[3 * r + 2], harmonics, 1);
+                    sphericalHarmonics(direction[3 * r], direction[3 * r + 1], direction[3 * r + 2], harmonics,
+                                       1);
                     input.insert(input.end(), harmonics, harmonics + kSphericalHarmonics);
                     input.push_back(1 - static_cast<Exact>(transmittance[r]));
                     const ExactDecoder exact(decoder, input);
@@ -150,31 +156,39 @@ std::vector<StressRow> stressDecoder(Report& report) {
                                    0.25 * error * static_cast<double>(terms) + 4 * kRounding);
                     }
                     Layer dl_dinput;
-                    exactBackward(decoder, exact, Values(&dl_drgb[3 * r], &dl_drgb[3 * r] + 3), dl_dinput, dl_dnetwork);
+                    exactBackward(decoder, exact, Values(&dl_drgb[3 * r], &dl_drgb[3 * r] + 3), dl_dinput,
+                                  dl_dnetwork);
                     has_kink = has_kink || exact.is_near_kink;
                     if (exact.is_near_kink) continue;
                     // The slope of the sigmoid moves with its input's error.
                     const double moved = error * (1 + static_cast<double>(exact.layers.back().terms[0] + size));
                     const auto judge = [&](float found, std::size_t i) {
                         if (dl_dinput.terms[i] > 0)
-                            inputs.add(static_cast<double>(std::abs(found - dl_dinput.value[i]) / dl_dinput.terms[i]), moved);
+                            inputs.add(
+                                static_cast<double>(std::abs(found - dl_dinput.value[i]) / dl_dinput.terms[i]),
+                                moved);
                     };
-                    for (int c = 0; c < channels; ++c) judge(dl_dfeatures[r * channels + c], static_cast<std::size_t>(c));
+                    for (int c = 0; c < channels; ++c)
+                        judge(dl_dfeatures[r * channels + c], static_cast<std::size_t>(c));
                     judge(-dl_dtransmittance[r], input.size() - 1);
                 }
                 if (!has_kink)
                     for (std::size_t i = 0; i < parameters.size(); ++i)
                         if (dl_dnetwork.terms[i] > 0)
-                            network.add(static_cast<double>(std::abs(dl_dparameters[i] - dl_dnetwork.value[i]) / dl_dnetwork.terms[i]),
+                            network.add(static_cast<double>(std::abs(dl_dparameters[i] - dl_dnetwork.value[i]) /
+                                                            dl_dnetwork.terms[i]),
                                         error * (1 + static_cast<double>(size) * width));
                 for (float& value : features) value *= 1e8f / size;
                 std::fill(dl_dtransmittance.begin(), dl_dtransmittance.end(), 0.0f);
-                decoder.forward(kRays, features.data(), direction.data(), transmittance.data(), rgb.data(), work);
-                decoder.backward(kRays, dl_drgb.data(), dl_dfeatures.data(), dl_dtransmittance.data(), dl_dparameters, work);
+                decoder.forward(kRays, features.data(), direction.data(), transmittance.data(), rgb.data(),
+                                work);
+                decoder.backward(kRays, dl_drgb.data(), dl_dfeatures.data(), dl_dtransmittance.data(),
+                                 dl_dparameters, work);
                 const auto holds = [](const std::vector<float>& values) {
                     return std::all_of(values.begin(), values.end(), [](float v) { return std::isfinite(v); });
                 };
-                finite.check(holds(rgb) && holds(dl_dfeatures) && holds(dl_dtransmittance) && holds(dl_dparameters));
+                finite.check(holds(rgb) && holds(dl_dfeatures) && holds(dl_dtransmittance) &&
+                             holds(dl_dparameters));
             }
     report.end();
     return {colour, inputs, network, finite};

@@ -9,8 +9,8 @@
 
 namespace nerfvdb {
 
-/// Rows of area "decoder": colours, and gradients of features, of the light that is left and of the network, each
-/// relative to the sum of the magnitudes of its terms; on the instruction set in use.
+/// Rows of area "decoder": colours, and gradients of features, of the light that is left and of the network,
+/// each relative to the sum of the magnitudes of its terms; on the instruction set in use.
 std::vector<StressRow> stressDecoder(Report& report);
 
 }  // namespace nerfvdb

@@ -27,10 +27,11 @@ Floats randomFloats(std::size_t n, float low, float high, std::uint64_t seed) {
 }
 /// Values of every size, both signs, zeros and denormals, none beyond `largest`.
 Floats extremes(std::size_t n, float largest, std::uint64_t seed) {
-    const std::array<float, 12> kinds = {0.0f,  -0.0f,    1e-45f, -1e-45f,  1e-38f,   -1e-38f,
+    const std::array<float, 12> kinds = {0.0f, -0.0f, 1e-45f, -1e-45f, 1e-38f,  -1e-38f,
                                          1.0f, -1.0f, 87.5f,  -103.5f, largest, -largest};
     Floats values(n);
-    for (std::size_t i = 0; i < n; ++i) values[i] = std::clamp(kinds[randomBits(seed, 13, i) % kinds.size()], -largest, largest);
+    for (std::size_t i = 0; i < n; ++i)
+        values[i] = std::clamp(kinds[randomBits(seed, 13, i) % kinds.size()], -largest, largest);
     return values;
 }
 Floats magnitudes(const Floats& values) {
@@ -69,7 +70,9 @@ struct Points {
         for (auto* array : {&x, &y, &z, &t, &weight}) array->resize(size);
         for (std::size_t i = 0; i < kMost; ++i) {
             leaf[i] = static_cast<std::int32_t>(randomBits(1, 0, i) % 8);
-            do cell[i] = static_cast<std::int32_t>(randomBits(2, static_cast<std::uint64_t>(cell[i]), i) % kLeafVoxels);
+            do
+                cell[i] = static_cast<std::int32_t>(randomBits(2, static_cast<std::uint64_t>(cell[i]), i) %
+                                                    kLeafVoxels);
             while (!testBit(field.topology().cells()[leaf[i]], cell[i]));
             ray[i] = static_cast<std::int32_t>(i * kRays / kMost);
             const auto place = [&](std::uint64_t seed) {
@@ -86,8 +89,11 @@ class KernelJudge {
 public:
     explicit KernelJudge(const std::string& target)
         : area_("target " + target),
-          density_(row("densityForward: raw, tau, alpha, decay; sigmaForward")), features_(row("featuresForward, rowDots")),
-          scatter_(row("accumulateLeaf")), voxels_(row("rmsPropLeaf")), network_(row("layerForward, both backward")),
+          density_(row("densityForward: raw, tau, alpha, decay; sigmaForward")),
+          features_(row("featuresForward, rowDots")),
+          scatter_(row("accumulateLeaf")),
+          voxels_(row("rmsPropLeaf")),
+          network_(row("layerForward, both backward")),
           adam_(row("adamStep")),
           finite_{area_, "NaN or infinity from finite input",
                   "none: raw to 3e38, features to 1e18, gradients to 1e18, products of layers to 1e34"} {}
@@ -121,7 +127,8 @@ private:
 
     void compareSamples() {
         const std::size_t size = kMost + kPadding;
-        const Floats raw = randomFloats(8 * kLeafVoxels, -30, 30, 1), value = randomFloats(8 * kLeafVoxels * kChannels, -1, 1, 2);
+        const Floats raw = randomFloats(8 * kLeafVoxels, -30, 30, 1),
+                     value = randomFloats(8 * kLeafVoxels * kChannels, -1, 1, 2);
         Points points(raw, value, false);
         for (int n = 0; n <= kMost; ++n) {
             const auto count = static_cast<std::size_t>(n);
@@ -129,7 +136,8 @@ private:
             for (auto& side : out)
                 for (Floats& array : side) array.resize(size);
             const auto run = [&](auto kernel, std::array<Floats, 4>& o) {
-                kernel(points.bricks, n, points.arrays(), 15.0f, 0.9f, o[0].data(), o[1].data(), o[2].data(), o[3].data());
+                kernel(points.bricks, n, points.arrays(), 15.0f, 0.9f, o[0].data(), o[1].data(), o[2].data(),
+                       o[3].data());
             };
             run(&reference::densityForward, out[0]);
             run(&simd::densityForward, out[1]);
@@ -144,13 +152,14 @@ private:
                 feature[side].resize(size * kChannels), sums[side].resize((kRays + kPadding) * kChannels);
                 dots[side].resize(size);
                 (side ? simd::featuresForward : reference::featuresForward)(
-                    points.bricks, n, points.arrays(), points.ray.data(), points.weight.data(), feature[side].data(),
-                    sums[side].data());
+                    points.bricks, n, points.arrays(), points.ray.data(), points.weight.data(),
+                    feature[side].data(), sums[side].data());
                 (side ? simd::rowDots : reference::rowDots)(n, kChannels, feature[0].data(), points.ray.data(),
                                                             sums[0].data(), dots[side].data());
             }
             compare(features_, feature[1], feature[0], count * kChannels, [](std::size_t) { return 1.0; });
-            const double share = std::max(1.0, n / static_cast<double>(kRays));  // samples a ray, each at most 1
+            const double share =
+                std::max(1.0, n / static_cast<double>(kRays));  // samples a ray, each at most 1
             compare(features_, sums[1], sums[0], kRays * kChannels, [&](std::size_t) { return share; });
             compare(features_, dots[1], dots[0], count, [&](std::size_t) { return kChannels * share; });
         }
@@ -158,16 +167,16 @@ private:
         std::array<Floats, 4> out;
         for (Floats& array : out) array.resize(size);
         for (const float scale : {0.0f, 1e-45f, 1e-38f, 1.0f, 1e30f}) {
-            simd::densityForward(rough.bricks, kMost, rough.arrays(), 15.0f, scale, out[0].data(), out[1].data(),
-                                 out[2].data(), out[3].data());
+            simd::densityForward(rough.bricks, kMost, rough.arrays(), 15.0f, scale, out[0].data(),
+                                 out[1].data(), out[2].data(), out[3].data());
             checkFinite(out[0], kMost, -kHuge, kHuge, "raw");
             checkFinite(out[1], kMost, 0, kHuge, "tau");
             checkFinite(out[2], kMost, 0, 1, "alpha");
             checkFinite(out[3], kMost, 0, 1, "decay");
         }
         Floats feature(size * kChannels), sums((kRays + kPadding) * kChannels), dots(size);
-        simd::featuresForward(rough.bricks, kMost, rough.arrays(), rough.ray.data(), rough.weight.data(), feature.data(),
-                              sums.data());
+        simd::featuresForward(rough.bricks, kMost, rough.arrays(), rough.ray.data(), rough.weight.data(),
+                              feature.data(), sums.data());
         simd::rowDots(kMost, kChannels, feature.data(), rough.ray.data(), sums.data(), dots.data());
         checkFinite(feature, kMost * kChannels, -kHuge, kHuge, "features");
         checkFinite(sums, kRays * kChannels, -kHuge, kHuge, "sums of features");
@@ -177,9 +186,9 @@ private:
             std::array<std::array<Floats, 3>, 2> light;
             for (int side = 0; side < 2; ++side) {
                 for (Floats& array : light[side]) array.resize(size);
-                (side ? simd::sigmaForward : reference::sigmaForward)(sigmas.bricks, kMost, sigmas.arrays(), scale,
-                                                                     light[side][0].data(), light[side][1].data(),
-                                                                     light[side][2].data());
+                (side ? simd::sigmaForward : reference::sigmaForward)(
+                    sigmas.bricks, kMost, sigmas.arrays(), scale, light[side][0].data(), light[side][1].data(),
+                    light[side][2].data());
             }
             compare(density_, light[1][0], light[0][0], kMost, [&](std::size_t) { return 100.0 * scale; });
             compare(density_, light[1][1], light[0][1], kMost, [&](std::size_t i) { return light[0][1][i]; });
@@ -216,7 +225,8 @@ private:
             (side ? simd::accumulateLeaf : reference::accumulateLeaf)(kMost, contributions.data(), kChannels,
                                                                       leaf.gradient());
         }
-        compare(scatter_, leaves[1].density_gradient, leaves[0].density_gradient, 512, [](std::size_t) { return 1.0; });
+        compare(scatter_, leaves[1].density_gradient, leaves[0].density_gradient, 512,
+                [](std::size_t) { return 1.0; });
         compare(scatter_, leaves[1].feature_gradient, leaves[0].feature_gradient, 512 * kChannels,
                 [](std::size_t) { return 1.0; });
         for (int step = 0; step < 3; ++step) {
@@ -226,12 +236,14 @@ private:
                 leaf.feature_gradient = randomFloats(512 * kChannels + kPadding, -1, 1, 25 + step);
                 leaf.touched = active;
                 (side ? simd::rmsPropLeaf : reference::rmsPropLeaf)(
-                    kChannels, rates, active.data(), leaf.gradient(), leaf.density.data(), leaf.density_moment.data(),
-                    leaf.features.data(), leaf.feature_moment.data());
+                    kChannels, rates, active.data(), leaf.gradient(), leaf.density.data(),
+                    leaf.density_moment.data(), leaf.features.data(), leaf.feature_moment.data());
             }
             compare(voxels_, leaves[1].density, leaves[0].density, 512, [](std::size_t) { return 5.0; });
-            compare(voxels_, leaves[1].features, leaves[0].features, 512 * kChannels, [](std::size_t) { return 1.0; });
-            compare(voxels_, leaves[1].feature_moment, leaves[0].feature_moment, 512, [](std::size_t) { return 1.0; });
+            compare(voxels_, leaves[1].features, leaves[0].features, 512 * kChannels,
+                    [](std::size_t) { return 1.0; });
+            compare(voxels_, leaves[1].feature_moment, leaves[0].feature_moment, 512,
+                    [](std::size_t) { return 1.0; });
         }
         Leaf rough;
         rough.density = extremes(512 + kPadding, 1e30f, 16);
@@ -254,9 +266,12 @@ private:
             for (const int n_in : {1, 25, 128})
                 for (const int n_out : {1, 3, 128}) {
                     constexpr int kStride = 80;
-                    const auto size = [&](int rows) { return static_cast<std::size_t>(rows * kStride + kPadding); };
+                    const auto size = [&](int rows) {
+                        return static_cast<std::size_t>(rows * kStride + kPadding);
+                    };
                     const std::size_t n_weights = static_cast<std::size_t>(n_in * n_out);
-                    const Floats weights = randomFloats(n_weights + kPadding, -1, 1, 40), bias = randomFloats(n_out + kPadding, -1, 1, 41);
+                    const Floats weights = randomFloats(n_weights + kPadding, -1, 1, 40),
+                                 bias = randomFloats(n_out + kPadding, -1, 1, 41);
                     const Floats in = randomFloats(size(n_in), -1, 1, 42);
                     Floats slope = randomFloats(size(n_out), -1, 1, 43);
                     for (int o = 0; o < n_out; ++o) std::fill_n(&slope[o * kStride + n], kStride - n, 0.0f);
@@ -264,7 +279,8 @@ private:
                     struct Out {
                         Floats out, dl_din, dl_dweights, dl_dbias;
                     };
-                    const auto run = [&](bool is_fast, const Floats& w, const Floats& b, const Floats& i, const Floats& s) {
+                    const auto run = [&](bool is_fast, const Floats& w, const Floats& b, const Floats& i,
+                                         const Floats& s) {
                         Out result{Floats(size(n_out)), Floats(size(n_in)), Floats(n_weights + kPadding),
                                    Floats(n_out + kPadding)};
                         (is_fast ? simd::layerForward : reference::layerForward)(
@@ -272,11 +288,14 @@ private:
                         (is_fast ? simd::layerBackwardInput : reference::layerBackwardInput)(
                             n, kStride, n_in, n_out, w.data(), s.data(), nullptr, result.dl_din.data());
                         (is_fast ? simd::layerBackwardWeights : reference::layerBackwardWeights)(
-                            n, kStride, n_in, n_out, s.data(), i.data(), result.dl_dweights.data(), result.dl_dbias.data());
+                            n, kStride, n_in, n_out, s.data(), i.data(), result.dl_dweights.data(),
+                            result.dl_dbias.data());
                         return result;
                     };
-                    const Out expected = run(false, weights, bias, in, slope), found = run(true, weights, bias, in, slope);
-                    const Out most = run(false, magnitudes(weights), magnitudes(bias), magnitudes(in), magnitudes(slope));
+                    const Out expected = run(false, weights, bias, in, slope),
+                              found = run(true, weights, bias, in, slope);
+                    const Out most =
+                        run(false, magnitudes(weights), magnitudes(bias), magnitudes(in), magnitudes(slope));
                     const auto judge = [&](Floats Out::*array, std::size_t count) {
                         compare(network_, found.*array, expected.*array, count,
                                 [&](std::size_t i) { return static_cast<double>((most.*array)[i]); });
@@ -284,23 +303,26 @@ private:
                     for (int o = 0; o < n_out; ++o)
                         for (int b = 0; b < n; ++b) {
                             const auto i = static_cast<std::size_t>(o * kStride + b);
-                            network_.add(std::abs(static_cast<double>(found.out[i]) - expected.out[i]) / most.out[i],
-                                         kPromised);
+                            network_.add(
+                                std::abs(static_cast<double>(found.out[i]) - expected.out[i]) / most.out[i],
+                                kPromised);
                         }
                     for (int o = 0; o < n_in; ++o)
                         for (int b = 0; b < n; ++b) {
                             const auto i = static_cast<std::size_t>(o * kStride + b);
-                            network_.add(std::abs(static_cast<double>(found.dl_din[i]) - expected.dl_din[i]) / most.dl_din[i],
+                            network_.add(std::abs(static_cast<double>(found.dl_din[i]) - expected.dl_din[i]) /
+                                             most.dl_din[i],
                                          kPromised);
                         }
                     judge(&Out::dl_dweights, n_weights);
                     judge(&Out::dl_dbias, static_cast<std::size_t>(n_out));
                     if (n_in != 128) continue;
-                    const Out rough = run(true, extremes(weights.size(), 1e17f, 44), extremes(bias.size(), 1e17f, 45),
-                                          extremes(in.size(), 1e17f, 46), slope);
+                    const Out rough =
+                        run(true, extremes(weights.size(), 1e17f, 44), extremes(bias.size(), 1e17f, 45),
+                            extremes(in.size(), 1e17f, 46), slope);
                     for (int o = 0; o < n_out; ++o)
-                        checkFinite(Floats(&rough.out[o * kStride], &rough.out[o * kStride] + n), static_cast<std::size_t>(n),
-                                    -kHuge, kHuge, "a layer's output");
+                        checkFinite(Floats(&rough.out[o * kStride], &rough.out[o * kStride] + n),
+                                    static_cast<std::size_t>(n), -kHuge, kHuge, "a layer's output");
                     checkFinite(rough.dl_dweights, n_weights, -kHuge, kHuge, "gradients of weights");
                 }
     }
@@ -311,7 +333,8 @@ private:
             const auto size = static_cast<std::size_t>(n);
             std::array<std::array<Floats, 3>, 2> sides;
             for (int side = 0; side < 2; ++side)
-                sides[side] = {randomFloats(size, -1, 1, 50), randomFloats(size, 0, 1, 51), randomFloats(size, -1, 1, 52)};
+                sides[side] = {randomFloats(size, -1, 1, 50), randomFloats(size, 0, 1, 51),
+                               randomFloats(size, -1, 1, 52)};
             const Floats gradients = randomFloats(size, -1, 1, 53);
             for (int side = 0; side < 2; ++side)
                 (side ? simd::adamStep : reference::adamStep)(n, rates, gradients.data(), sides[side][0].data(),
@@ -320,7 +343,8 @@ private:
                 compare(adam_, sides[1][array], sides[0][array], size, [](std::size_t) { return 1.0; });
             Floats first(size), second(size), parameters = extremes(size, 1e30f, 54);
             for (int step = 0; step < 3; ++step) {
-                const Floats rough = extremes(size, 1e17f, 55 + step);  // the second moment's scale is 100 at first
+                const Floats rough =
+                    extremes(size, 1e17f, 55 + step);  // the second moment's scale is 100 at first
                 simd::adamStep(n, rates, rough.data(), first.data(), second.data(), parameters.data());
             }
             checkFinite(first, size, -kHuge, kHuge, "first moments");
@@ -341,7 +365,8 @@ std::vector<StressRow> stressKernels(Report& report) {
     } restore;
     const std::vector<std::string> targets = simd::supportedTargets();
     report.begin("instruction sets", static_cast<std::int64_t>(targets.size()));
-    StressRow forced("targets", "instruction sets that this machine runs, each forced and then in use", "all of them");
+    StressRow forced("targets", "instruction sets that this machine runs, each forced and then in use",
+                     "all of them");
     std::vector<StressRow> all;
     for (std::size_t t = 0; t < targets.size(); ++t) {
         const bool is_forced = simd::forceTarget(targets[t]) && simd::activeTarget() == targets[t];

@@ -16,11 +16,11 @@ namespace {
 
 constexpr int kChannels = 4;
 const Vec3i kDims(40, 16, 16);
-constexpr double kLength = 39;           // voxels along x
-constexpr double kRounding = 0x1p-24;    // largest relative error of rounding to float
-constexpr double kFlushed = 4e-38;       // exp(-87): what transmittances below are rounded to zero
-constexpr double kDenormal = 0x1p-148;   // steps between the smallest floats
-constexpr double kLeastSpoken = 1e-30;   // weights whose mean is formed (ray_tracer.cpp)
+constexpr double kLength = 39;          // voxels along x
+constexpr double kRounding = 0x1p-24;   // largest relative error of rounding to float
+constexpr double kFlushed = 4e-38;      // exp(-87): what transmittances below are rounded to zero
+constexpr double kDenormal = 0x1p-148;  // steps between the smallest floats
+constexpr double kLeastSpoken = 1e-30;  // weights whose mean is formed (ray_tracer.cpp)
 
 double random(double low, double high, std::uint64_t seed, std::uint64_t index) {
     return low + (high - low) * unitFloat(static_cast<std::uint32_t>(randomBits(seed, 11, index)));
@@ -50,7 +50,9 @@ struct Torture {
 };
 
 /// The largest step of raw density from a voxel to the next, and its largest magnitude.
-constexpr double slopeOf(Profile profile) { return profile == Profile::constant ? 0 : profile == Profile::rough ? 3 : 20; }
+constexpr double slopeOf(Profile profile) {
+    return profile == Profile::constant ? 0 : profile == Profile::rough ? 3 : 20;
+}
 constexpr double magnitudeOf(Profile profile) {
     return profile == Profile::constant ? 0 : profile == Profile::rough ? 3 : 20;
 }
@@ -68,14 +70,16 @@ struct TortureField {
                         const Vec3i cell = leaf.leaf * kLeafDim + Vec3i(i >> 6, i >> 3 & 7, i & 7);
                         const bool exists = (cell.array() < kDims.array() - 1).all();
                         const bool is_chosen =
-                            !torture.is_sparse || randomBits(5, static_cast<std::uint64_t>(cell.x()),
-                                                             static_cast<std::uint64_t>(cell.y() * 64 + cell.z())) % 3;
+                            !torture.is_sparse ||
+                            randomBits(5, static_cast<std::uint64_t>(cell.x()),
+                                       static_cast<std::uint64_t>(cell.y() * 64 + cell.z())) %
+                                3;
                         if (exists && is_chosen) setBit(leaf.cells, i);
                     }
                     leaves.push_back(leaf);
                 }
-        field = VoxelField(Topology(kDims, leaves), {Vec3d::Constant(torture.centre), torture.voxel()}, kChannels,
-                           torture.sigma);
+        field = VoxelField(Topology(kDims, leaves), {Vec3d::Constant(torture.centre), torture.voxel()},
+                           kChannels, torture.sigma);
         for (std::size_t i = 0; i < field.density().size(); ++i) {
             const std::uint64_t bits = randomBits(7, 0, i);
             float raw = 0;
@@ -182,13 +186,15 @@ public:
           depth_{"ray", "depth, samples given, share of the ray in the box",
                  "as colour, in weights relative to their sum; 4 roundings of the distance"},
           gradient_{"ray", "gradient of a sample's density, share of its terms",
-                    "the error of tau times the depth in front (at most 87, then light is zero); 8 roundings a sample"},
+                    "the error of tau times the depth in front (at most 87, then light is zero); 8 roundings a "
+                    "sample"},
           voxel_density_{"ray", "gradient of a voxel's density, share of its terms", "as of a sample"},
           voxel_features_{"ray", "gradient of a voxel's features, share of its terms",
                           "weights only: the error of tau times the depth in front; 8 roundings a sample"},
           whole_opacity_{"ray", "opacity of the whole ray",
                          "as above; the error of tau grows by the place's times the slope of raw density"},
-          whole_colour_{"ray", "colour of the whole ray", "as above, and the place's error times the slope of colour"},
+          whole_colour_{"ray", "colour of the whole ray",
+                        "as above, and the place's error times the slope of colour"},
           whole_depth_{"ray", "depth of the whole ray, share of the ray in the box", "as above"},
           finite_{"ray", "NaN or infinity in any output or gradient", "none"} {}
 
@@ -205,22 +211,21 @@ public:
             const ExactMarch first(scene, ray, step, jitter);
             if (first.hits() && std::abs(first.endPhase() - 0.5) > 0.45)
                 jitter = jitter < 0.5f ? jitter + 0.3f : jitter - 0.3f;
-            judge(torture, made, scene, ray, step, jitter, [&] {
-                return std::string(named.name) + "; " + torture.text();
-            });
+            judge(torture, made, scene, ray, step, jitter,
+                  [&] { return std::string(named.name) + "; " + torture.text(); });
         }
     }
 
     std::vector<StressRow> rows() const {
-        return {found_,    place_,         tau_,            opacity_,       colour_,       depth_,      gradient_,
+        return {found_,         place_,          tau_,           opacity_,      colour_,      depth_, gradient_,
                 voxel_density_, voxel_features_, whole_opacity_, whole_colour_, whole_depth_, finite_};
     }
 
 private:
     using Describe = std::function<std::string()>;
 
-    void judge(const Torture& torture, const TortureField& made, const TraceScene& scene, const Ray& ray, float step,
-               float jitter, const Describe& describe) {
+    void judge(const Torture& torture, const TortureField& made, const TraceScene& scene, const Ray& ray,
+               float step, float jitter, const Describe& describe) {
         TraceOptions all;
         all.step_voxels = step;
         all.stop_transmittance = 0, all.min_weight = 0, all.max_dropped = 0;
@@ -245,7 +250,8 @@ private:
         const double tau_error = (10 * magnitudeOf(torture.profile) + 8) * kRounding;
         for (int i = 0; i < kept.n; ++i)
             if (light.tau[i] > kFlushed)
-                tau_.add(static_cast<double>(std::abs(kept.tau[i] - light.tau[i]) / light.tau[i]), tau_error, describe);
+                tau_.add(static_cast<double>(std::abs(kept.tau[i] - light.tau[i]) / light.tau[i]), tau_error,
+                         describe);
         const double share = std::max(1.0, static_cast<double>(march.length()));
         compareLight(tracer, kept, light, share, tau_error, 0, n, {opacity_, colour_, depth_}, describe);
 
@@ -254,15 +260,17 @@ private:
             dl_dmean[c] = static_cast<float>(random(-1, 1, 21, static_cast<std::uint64_t>(c)));
         const float dl_dtransmittance = 0.7f, dl_ddistortion = 0.02f;
         tile.dl_dray_features = dl_dmean;
-        tracer.traceBackward(scene, tile.dl_dray_features.data(), &dl_dtransmittance, dl_ddistortion, tile.kept);
+        tracer.traceBackward(scene, tile.dl_dray_features.data(), &dl_dtransmittance, dl_ddistortion,
+                             tile.kept);
         bool is_finite = true;
         for (int i = 0; i < kept.n; ++i)
             is_finite = is_finite && std::isfinite(kept.dl_draw[i]) && std::isfinite(kept.weight[i]) &&
                         std::isfinite(kept.tau[i]);
         for (int c = 0; c < kChannels; ++c)
-            is_finite = is_finite && std::isfinite(tile.dl_dray_features[c]) &&
-                        std::isfinite(tracer.rayFeatures()[c]);
-        finite_.check(is_finite && std::isfinite(tracer.transmittance()[0]), describe);
+            is_finite =
+                is_finite && std::isfinite(tile.dl_dray_features[c]) && std::isfinite(tracer.rayFeatures()[c]);
+        finite_.check(is_finite && std::isfinite(tracer.transmittance()[0]) && std::isfinite(tracer.entry()[0]),
+                      describe);
         if (light.weight_sum >= kLeastSpoken) {
             const ExactGradient gradient =
                 exactGradient(scene, given, light, dl_dmean, dl_dtransmittance, dl_ddistortion);
@@ -308,7 +316,8 @@ private:
             const int local[3] = {kept.cell[i] >> 6, kept.cell[i] >> 3 & 7, kept.cell[i] & 7};
             double error = 0;
             for (int axis = 0; axis < 3; ++axis) {
-                const Exact p = leafOrigin(kept.leaf[i], axis) + local[axis] + static_cast<Exact>(fraction[axis]);
+                const Exact p =
+                    leafOrigin(kept.leaf[i], axis) + local[axis] + static_cast<Exact>(fraction[axis]);
                 error = std::max(error, static_cast<double>(std::abs(p - march.position(k, axis))));
             }
             place_.add(error, place_error, describe);
@@ -319,7 +328,8 @@ private:
     /// Leaves of these fields are all there, numbered in the order of their coordinates.
     static Exact leafOrigin(std::int32_t leaf, int axis) {
         const Vec3i leaves = kDims / kLeafDim;
-        const int coord[3] = {leaf / (leaves.y() * leaves.z()), leaf / leaves.z() % leaves.y(), leaf % leaves.z()};
+        const int coord[3] = {leaf / (leaves.y() * leaves.z()), leaf / leaves.z() % leaves.y(),
+                              leaf % leaves.z()};
         return coord[axis] * kLeafDim;
     }
 
@@ -345,8 +355,8 @@ private:
                        4 * tau_error + place_error + (6 * n + 24) * kRounding, describe);
     }
 
-    static void addShare(StressRow& row, Exact found, Exact expected, Exact magnitude, Exact floor, double error,
-                         const Describe& describe) {
+    static void addShare(StressRow& row, Exact found, Exact expected, Exact magnitude, Exact floor,
+                         double error, const Describe& describe) {
         const Exact difference = std::abs(found - expected);
         if (difference <= floor) return row.add(0, error, describe);
         row.add(static_cast<double>((difference - floor) / magnitude), error, describe);
@@ -382,8 +392,8 @@ private:
         scatter.run(field.topology(), kChannels, {&tile, 1},
                     [&](std::int32_t leaf, const LeafGradient& found, const LeafMask&) {
                         for (int v = 0; v < kLeafVoxels; ++v) {
-                            const std::size_t voxel = static_cast<std::size_t>(leaf) * kLeafVoxels +
-                                                      static_cast<std::size_t>(v);
+                            const std::size_t voxel =
+                                static_cast<std::size_t>(leaf) * kLeafVoxels + static_cast<std::size_t>(v);
                             found_density[voxel] = found.density[v];
                             found_feature[voxel] = found.features[v * kChannels];
                             found.density[v] = 0;
@@ -393,11 +403,11 @@ private:
                     });
         for (std::size_t v = 0; v < size; ++v) {
             if (density[v].magnitude > 0)
-                addShare(voxel_density_, found_density[v], density[v].value, density[v].magnitude, density[v].floor,
-                         error, describe);
+                addShare(voxel_density_, found_density[v], density[v].value, density[v].magnitude,
+                         density[v].floor, error, describe);
             if (feature[v].magnitude > 0)
-                addShare(voxel_features_, found_feature[v], feature[v].value, feature[v].magnitude, feature[v].floor,
-                         error, describe);
+                addShare(voxel_features_, found_feature[v], feature[v].value, feature[v].magnitude,
+                         feature[v].floor, error, describe);
         }
     }
 
@@ -411,7 +421,7 @@ std::vector<StressRow> stressRays(const RayStressOptions& options, Report& repor
     RayJudge judge;
     const std::vector<Torture> cases = tortureCases(options.is_long);
     report.begin("rays", static_cast<std::int64_t>(cases.size()));
-    for (std::size_t i = 0; i < cases.size(); ++i) {
+    for (std::size_t i = 0; i < cases.size(); i += options.every) {
         if (report.cancelled()) throw Interrupted("stopped while rays were judged, as asked");
         judge.run(cases[i]);
         report.update(static_cast<std::int64_t>(i) + 1, "");

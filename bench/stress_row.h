@@ -15,11 +15,12 @@ struct StressRow {
     StressRow(std::string in_area, std::string what, std::string why)
         : area(std::move(in_area)), name(std::move(what)), reason(std::move(why)) {}
 
-    std::string area;     // "ray": which part of the table
-    std::string name;     // what is measured, with its unit
-    std::string reason;   // why the bound is what it is
+    std::string area;    // "ray": which part of the table
+    std::string name;    // what is measured, with its unit
+    std::string reason;  // why the bound is what it is
     std::uint64_t cases = 0;
     std::uint64_t failed = 0;  // cases beyond their bound
+    double largest = 0;        // of all cases; NaN once a case was NaN
     double worst = 0;          // of the case that used most of its bound ...
     double bound = 0;          // ... which was this for that case
     std::string worst_case;    // what that case was

@@ -17,9 +17,9 @@ namespace nerfvdb {
 namespace {
 
 constexpr int kChannels = 4;
-constexpr double kLevels = 255;          // of 8 bits in a colour's range
+constexpr double kLevels = 255;  // of 8 bits in a colour's range
 constexpr double kRounding = 0x1p-24;
-constexpr float kStep = 0.5f;            // voxels
+constexpr float kStep = 0.5f;  // voxels
 
 double random(double low, double high, std::uint64_t seed, std::uint64_t index) {
     return low + (high - low) * unitFloat(static_cast<std::uint32_t>(randomBits(seed, 14, index)));
@@ -36,18 +36,22 @@ struct Scene {
                 for (int z = 0; z < dims.z() / kLeafDim; ++z) {
                     Topology::LeafCells leaf{Vec3i(x, y, z), {}};
                     for (int i = 0; i < kLeafVoxels; ++i)
-                        if (((leaf.leaf * kLeafDim + Vec3i(i >> 6, i >> 3 & 7, i & 7)).array() < dims.array() - 1).all())
+                        if (((leaf.leaf * kLeafDim + Vec3i(i >> 6, i >> 3 & 7, i & 7)).array() <
+                             dims.array() - 1)
+                                .all())
                             setBit(leaf.cells, i);
                     leaves.push_back(leaf);
                 }
         field = VoxelField(Topology(dims, leaves), {}, kChannels, 1.0);
         for (std::size_t leaf = 0; leaf < field.topology().leafCount(); ++leaf)
             for (int i = 0; i < kLeafVoxels; ++i) {
-                const Vec3i at = field.topology().leafCoords()[leaf] * kLeafDim + Vec3i(i >> 6, i >> 3 & 7, i & 7);
+                const Vec3i at =
+                    field.topology().leafCoords()[leaf] * kLeafDim + Vec3i(i >> 6, i >> 3 & 7, i & 7);
                 const std::size_t voxel = leaf * kLeafVoxels + static_cast<std::size_t>(i);
                 field.density()[voxel] = static_cast<float>(std::log(std::max(sigma(at), 1e-8)));
                 for (int c = 0; c < 3; ++c)
-                    field.features()[voxel * kChannels + static_cast<std::size_t>(c)] = static_cast<float>(colour(at, c));
+                    field.features()[voxel * kChannels + static_cast<std::size_t>(c)] =
+                        static_cast<float>(colour(at, c));
             }
     }
     Occupancy everything() const {
@@ -95,66 +99,87 @@ std::vector<Ray> raysThrough(const Vec3i& dims, std::uint64_t seed) {
     std::vector<Ray> rays{{Vec3d(-3, 0.5 * dims.y() + 0.3, 0.5 * dims.z() - 0.4), Vec3d::UnitX()}};
     for (std::uint64_t i = 0; i < 3; ++i) {
         const Vec3d eye(-3, random(1, dims.y() - 2, seed, 2 * i), random(1, dims.z() - 2, seed, 2 * i + 1));
-        const Vec3d target(dims.x(), random(1, dims.y() - 2, seed + 1, 2 * i), random(1, dims.z() - 2, seed + 1, 2 * i + 1));
+        const Vec3d target(dims.x(), random(1, dims.y() - 2, seed + 1, 2 * i),
+                           random(1, dims.z() - 2, seed + 1, 2 * i + 1));
         rays.push_back({eye, (target - eye).normalized()});
     }
     return rays;
 }
 
-/// Made to lose as much as the thresholds allow: light that is dropped, passed by or behind the stop has the colour
-/// that differs most from what takes its place.
+/// Made to lose as much as the thresholds allow: light that is dropped, passed by or behind the stop has the
+/// colour that differs most from what takes its place.
 std::vector<Trial> adversaries() {
     const Vec3i dims(256, 16, 16);
     const TraceOptions defaults;
     std::vector<Trial> trials;
-    // Each sample of the fog weighs a little less than min_weight, all of it a little less than max_dropped, or much
-    // more; behind it a wall of the other colour.
+    // Each sample of the fog weighs a little less than min_weight, all of it a little less than max_dropped, or
+    // much more; behind it a wall of the other colour.
     for (const double share : {0.5, 0.9, 0.99, 1.01})
         for (const double whole : {0.97, 20.0})
             for (const double fog_colour : {0.0, 1.0}) {
-                const double sigma = share * static_cast<double>(defaults.min_weight) / static_cast<double>(kStep);
-                const int end = 20 + static_cast<int>(whole * static_cast<double>(defaults.max_dropped) / sigma);
+                const double sigma =
+                    share * static_cast<double>(defaults.min_weight) / static_cast<double>(kStep);
+                const int end =
+                    20 + static_cast<int>(whole * static_cast<double>(defaults.max_dropped) / sigma);
                 const auto sigmaAt = [=](const Vec3i& v) {
-                    return v.x() < 20 ? 1e-8 : v.x() < end ? sigma : v.x() < std::min(end + 20, 240) ? 1e-8 : 50.0;
+                    return v.x() < 20                        ? 1e-8
+                           : v.x() < end                     ? sigma
+                           : v.x() < std::min(end + 20, 240) ? 1e-8
+                                                             : 50.0;
                 };
-                trials.push_back({"fog of " + numberText(share) + " times the least weight before a wall",
-                                  Scene(dims, sigmaAt,
-                                        [=](const Vec3i& v, int) { return v.x() < end + 10 ? fog_colour : 1 - fog_colour; }),
-                                  {{Vec3d(-3, 8.3, 7.6), Vec3d::UnitX()}},
-                                  0.5});
+                trials.push_back(
+                    {"fog of " + numberText(share) + " times the least weight before a wall",
+                     Scene(dims, sigmaAt,
+                           [=](const Vec3i& v, int) { return v.x() < end + 10 ? fog_colour : 1 - fog_colour; }),
+                     {{Vec3d(-3, 8.3, 7.6), Vec3d::UnitX()}},
+                     0.5});
             }
     // Nothing but fog, so thin that it hides in every threshold.
     for (const double sigma : {1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 2e-3, 1e-2})
         trials.push_back({"fog of sigma " + numberText(sigma) + " a voxel",
-                          Scene(dims, [=](const Vec3i&) { return sigma; }, [](const Vec3i&, int) { return 1.0; }),
+                          Scene(
+                              dims, [=](const Vec3i&) { return sigma; }, [](const Vec3i&, int) { return 1.0; }),
                           raysThrough(dims, 60), 0.0});
     // As much light as the stop leaves behind, on a white wall before black.
     for (const double left : {0.2, 0.9, 0.999, 1.001, 5.0}) {
         const double sigma = -std::log(left * static_cast<double>(defaults.stop_transmittance)) / 20;
-        trials.push_back({"a black slab that leaves " + numberText(left) + " times the stop, before a white wall",
-                          Scene(dims, [=](const Vec3i& v) { return v.x() < 100 ? 1e-8 : v.x() < 120 ? sigma : v.x() < 160 ? 1e-8 : 50.0; },
-                                [](const Vec3i& v, int) { return v.x() < 140 ? 0.0 : 1.0; }),
-                          raysThrough(dims, 61), 0.0});
+        trials.push_back(
+            {"a black slab that leaves " + numberText(left) + " times the stop, before a white wall",
+             Scene(
+                 dims,
+                 [=](const Vec3i& v) {
+                     return v.x() < 100 ? 1e-8 : v.x() < 120 ? sigma : v.x() < 160 ? 1e-8 : 50.0;
+                 },
+                 [](const Vec3i& v, int) { return v.x() < 140 ? 0.0 : 1.0; }),
+             raysThrough(dims, 61), 0.0});
     }
     return trials;
 }
 
 Trial randomTrial(std::uint64_t seed) {
     const Vec3i dims(64, 16, 16);
-    const double thin = std::pow(10.0, random(-6, 0, 62, seed)), thick = std::pow(10.0, random(-2, 2, 63, seed));
+    const double thin = std::pow(10.0, random(-6, 0, 62, seed)),
+                 thick = std::pow(10.0, random(-2, 2, 63, seed));
     const double share = random(0, 1, 64, seed);
-    const auto voxel = [](const Vec3i& v) { return static_cast<std::uint64_t>((v.x() * 64 + v.y()) * 64 + v.z()); };
-    return {"random scene " + std::to_string(seed),
-            Scene(dims,
-                  [=](const Vec3i& v) {
-                      return random(0, 1, 65 + seed, voxel(v)) < share ? thin : thick * random(0, 1, 66 + seed, voxel(v));
-                  },
-                  [=](const Vec3i& v, int c) { return random(0, 1, 67 + seed, 4 * voxel(v) + static_cast<std::uint64_t>(c)) < 0.5 ? 0.0 : 1.0; }),
-            raysThrough(dims, 68 + seed), random(0, 1, 69, seed)};
+    const auto voxel = [](const Vec3i& v) {
+        return static_cast<std::uint64_t>((v.x() * 64 + v.y()) * 64 + v.z());
+    };
+    return {
+        "random scene " + std::to_string(seed),
+        Scene(
+            dims,
+            [=](const Vec3i& v) {
+                return random(0, 1, 65 + seed, voxel(v)) < share ? thin
+                                                                 : thick * random(0, 1, 66 + seed, voxel(v));
+            },
+            [=](const Vec3i& v, int c) {
+                return random(0, 1, 67 + seed, 4 * voxel(v) + static_cast<std::uint64_t>(c)) < 0.5 ? 0.0 : 1.0;
+            }),
+        raysThrough(dims, 68 + seed), random(0, 1, 69, seed)};
 }
 
-/// How far a decoder's colour moves at most: per unit of features (largest change of any), and of opacity. Products of
-/// the layers' largest row sums; ReLU does not stretch, the sigmoid's slope is at most 1/4.
+/// How far a decoder's colour moves at most: per unit of features (largest change of any), and of opacity.
+/// Products of the layers' largest row sums; ReLU does not stretch, the sigmoid's slope is at most 1/4.
 struct DecoderSlopes {
     double features, opacity;
     explicit DecoderSlopes(const Decoder& decoder) {
@@ -166,12 +191,17 @@ struct DecoderSlopes {
             double most = 0;
             for (int o = 0; o < n_out; ++o) {
                 double sum = 0;
-                for (int i = 0; i < (l == 0 ? decoder.channels() : n_in); ++i) sum += std::abs(static_cast<double>(weights[o * n_in + i]));
+                for (int i = 0; i < (l == 0 ? decoder.channels() : n_in); ++i)
+                    sum += std::abs(static_cast<double>(weights[o * n_in + i]));
                 most = std::max(most, sum);
-                if (l == 0) first_opacity = std::max(first_opacity, std::abs(static_cast<double>(weights[o * n_in + n_in - 1])));
+                if (l == 0)
+                    first_opacity =
+                        std::max(first_opacity, std::abs(static_cast<double>(weights[o * n_in + n_in - 1])));
             }
-            if (l == 0) first_features = most;
-            else rest *= most;
+            if (l == 0)
+                first_features = most;
+            else
+                rest *= most;
             weights += (n_in + 1) * n_out;
         }
         features = 0.25 * (1 + first_features * rest);
@@ -184,11 +214,15 @@ public:
     SkipJudge()
         : stop_{"skipping", "early stop alone, levels", "255 stop_transmittance"},
           dropped_{"skipping", "dropped weights alone, levels", "255 max_dropped"},
-          cells_{"skipping", "cells passed by alone, levels", "255 (1 - exp(-delta)), delta = voxels passed by times -log(1 - min_alpha)"},
+          cells_{"skipping", "cells passed by alone, levels",
+                 "255 (1 - exp(-delta)), delta = voxels passed by times -log(1 - min_alpha)"},
           together_{"skipping", "all at once, levels", "the sum of the three"},
-          defaults_{"skipping", "the defaults of TraceOptions, levels", "255 (max_dropped + stop_transmittance) = 2.58"},
-          decoded_{"skipping", "the defaults, colours decoded by a network, levels",
-                   "255 (L max_dropped + (1 + L + L_A) stop_transmittance), L and L_A from the network's row sums"} {}
+          defaults_{"skipping", "the defaults of TraceOptions, levels",
+                    "255 (max_dropped + stop_transmittance) = 2.58"},
+          decoded_{
+              "skipping", "the defaults, colours decoded by a network, levels",
+              "255 (L max_dropped + (1 + L + L_A) stop_transmittance), L and L_A from the network's row sums"} {
+    }
 
     void run(const Trial& trial) {
         const Occupancy everything = trial.scene.everything();
@@ -210,17 +244,22 @@ public:
                 const ExactLight exact = exactLight(full, kStep, samples);
                 const double rounding = (8.0 * whole.kept.n + 400) * kRounding;
                 const double hidden = -std::expm1(passed_by * std::log1p(-static_cast<double>(min_alpha)));
-                const auto judge = [&](StressRow& row, const TraceScene& scene, const TraceOptions& options, double bound) {
+                const auto judge = [&](StressRow& row, const TraceScene& scene, const TraceOptions& options,
+                                       double bound) {
                     const Seen seen = look(scene, ray, options);
                     double error = 0;
                     for (int c = 0; c < 3; ++c) {
-                        const Exact truth = (1 - exact.transmittance) * exact.mean[c] + exact.transmittance * trial.background;
-                        error = std::max(error, static_cast<double>(std::abs(seen.colour(c, trial.background) - truth)));
+                        const Exact truth =
+                            (1 - exact.transmittance) * exact.mean[c] + exact.transmittance * trial.background;
+                        error = std::max(
+                            error, static_cast<double>(std::abs(seen.colour(c, trial.background) - truth)));
                     }
                     row.add(kLevels * error, kLevels * (bound + rounding), describe);
                 };
-                if (min_alpha > 0) judge(cells_, sparse, nothingSkipped(), hidden);
-                else judgeDefaults(trial, full, ray, exact, rounding);
+                if (min_alpha > 0)
+                    judge(cells_, sparse, nothingSkipped(), hidden);
+                else
+                    judgeDefaults(trial, full, ray, exact, rounding);
                 for (const float stop : {1e-4f, 1e-2f, 0.2f}) {
                     TraceOptions options = nothingSkipped();
                     options.stop_transmittance = stop;
@@ -250,10 +289,12 @@ private:
         TraceOptions options;
         options.step_voxels = kStep;
         const Seen seen = look(scene, ray, options);
-        const double bound = static_cast<double>(options.max_dropped) + static_cast<double>(options.stop_transmittance);
+        const double bound =
+            static_cast<double>(options.max_dropped) + static_cast<double>(options.stop_transmittance);
         double error = 0;
         for (int c = 0; c < 3; ++c) {
-            const Exact truth = (1 - exact.transmittance) * exact.mean[c] + exact.transmittance * trial.background;
+            const Exact truth =
+                (1 - exact.transmittance) * exact.mean[c] + exact.transmittance * trial.background;
             error = std::max(error, static_cast<double>(std::abs(seen.colour(c, trial.background) - truth)));
         }
         const auto describe = [&] { return trial.name; };
@@ -277,7 +318,8 @@ private:
         const double stop = options.stop_transmittance;
         decoded_.add(kLevels * error,
                      kLevels * (slopes_.features * static_cast<double>(options.max_dropped) +
-                                (1 + slopes_.features + slopes_.opacity) * stop + (1 + slopes_.features + slopes_.opacity) * rounding),
+                                (1 + slopes_.features + slopes_.opacity) * stop +
+                                (1 + slopes_.features + slopes_.opacity) * rounding),
                      describe);
     }
 
@@ -287,7 +329,8 @@ private:
     StressRow stop_, dropped_, cells_, together_, defaults_, decoded_;
 };
 
-// --- curves ---------------------------------------------------------------------------------------------------
+// --- curves
+// ---------------------------------------------------------------------------------------------------
 
 /// A ball with a hard surface, and fog that thins out from the middle.
 struct CurveScene {
@@ -300,8 +343,12 @@ std::vector<CurveScene> curveScenes() {
     const auto radius = [](const Vec3i& v) { return (v.cast<double>() - Vec3d(31.3, 31.6, 31.1)).norm(); };
     const auto stripes = [](const Vec3i& v, int c) { return 0.5 + 0.5 * std::sin(0.35 * v[c] + c); };
     std::vector<CurveScene> scenes;
-    scenes.push_back({"ball", Scene(dims, [=](const Vec3i& v) { return radius(v) < 20 ? 3.0 : 1e-7; }, stripes)});
-    scenes.push_back({"fog", Scene(dims, [=](const Vec3i& v) { return 0.02 * std::exp(-radius(v) * radius(v) / 200); }, stripes)});
+    scenes.push_back({"ball", Scene(
+                                  dims, [=](const Vec3i& v) { return radius(v) < 20 ? 3.0 : 1e-7; }, stripes)});
+    scenes.push_back(
+        {"fog",
+         Scene(
+             dims, [=](const Vec3i& v) { return 0.02 * std::exp(-radius(v) * radius(v) / 200); }, stripes)});
     return scenes;
 }
 
@@ -310,9 +357,11 @@ std::vector<Ray> curveRays(int n) {
     for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(n); ++i) {
         const auto onSphere = [&](std::uint64_t seed, double size) {
             const double z = random(-1, 1, seed, i), turn = random(0, 2 * M_PI, seed + 1, i);
-            return Vec3d(size * std::sqrt(1 - z * z) * std::cos(turn), size * std::sqrt(1 - z * z) * std::sin(turn), size * z);
+            return Vec3d(size * std::sqrt(1 - z * z) * std::cos(turn),
+                         size * std::sqrt(1 - z * z) * std::sin(turn), size * z);
         };
-        const Vec3d middle(31.5, 31.5, 31.5), eye = middle + onSphere(80, 90), target = middle + onSphere(82, 18);
+        const Vec3d middle(31.5, 31.5, 31.5), eye = middle + onSphere(80, 90),
+                                              target = middle + onSphere(82, 18);
         rays.push_back({eye, (target - eye).normalized()});
     }
     return rays;
@@ -328,17 +377,21 @@ struct Errors {
     double largest = 0, mean = 0, density_samples = 0, feature_samples = 0;
 };
 
-Errors errorsOf(const TraceScene& scene, const std::vector<Ray>& rays, const TraceOptions& options, const Truth& truth) {
+Errors errorsOf(const TraceScene& scene, const std::vector<Ray>& rays, const TraceOptions& options,
+                const Truth& truth) {
     Errors errors;
     for (std::size_t r = 0; r < rays.size(); ++r) {
         const Seen seen = look(scene, rays[r], options);
         double error = 0;
         for (int c = 0; c < 3; ++c)
-            error = std::max(error, std::abs(seen.colour(c, kBackground) - truth.colours[r][static_cast<std::size_t>(c)]));
+            error = std::max(
+                error, std::abs(seen.colour(c, kBackground) - truth.colours[r][static_cast<std::size_t>(c)]));
         errors.largest = std::max(errors.largest, kLevels * error);
         errors.mean += kLevels * error / static_cast<double>(rays.size());
-        errors.density_samples += static_cast<double>(seen.counters.samples_density) / static_cast<double>(rays.size());
-        errors.feature_samples += static_cast<double>(seen.counters.samples_features) / static_cast<double>(rays.size());
+        errors.density_samples +=
+            static_cast<double>(seen.counters.samples_density) / static_cast<double>(rays.size());
+        errors.feature_samples +=
+            static_cast<double>(seen.counters.samples_features) / static_cast<double>(rays.size());
     }
     return errors;
 }
@@ -349,7 +402,8 @@ Truth truthOf(const TraceScene& scene, const std::vector<Ray>& rays, double step
     Truth truth;
     for (const Ray& ray : rays) {
         const Seen seen = look(scene, ray, options);
-        truth.colours.push_back({seen.colour(0, kBackground), seen.colour(1, kBackground), seen.colour(2, kBackground)});
+        truth.colours.push_back(
+            {seen.colour(0, kBackground), seen.colour(1, kBackground), seen.colour(2, kBackground)});
     }
     return truth;
 }
@@ -389,7 +443,8 @@ BenchResult errorCurves(const SkipStressOptions& options, Report& report) {
         const Occupancy everything = scene.scene.everything();
         const TraceScene full(scene.scene.field, everything);
         const std::string name = scene.name;
-        const auto add = [&](const char* knob, double value, const Errors& errors, std::optional<double> bound) {
+        const auto add = [&](const char* knob, double value, const Errors& errors,
+                             std::optional<double> bound) {
             result.rows.push_back({name + ", " + knob,
                                    numberText(value),
                                    {{value},
@@ -407,8 +462,9 @@ BenchResult errorCurves(const SkipStressOptions& options, Report& report) {
             const Errors errors = errorsOf(full, rays, trace, fine);
             add("step", step, errors, std::nullopt);
             if (last > 0)
-                result.figures.push_back({name + ": order from step " + numberText(2 * step) + " to " + numberText(step),
-                                          std::log2(last / errors.mean)});
+                result.figures.push_back(
+                    {name + ": order from step " + numberText(2 * step) + " to " + numberText(step),
+                     std::log2(last / errors.mean)});
             last = errors.mean;
         }
         const Truth truth = truthOf(full, rays, kStep);
@@ -422,7 +478,8 @@ BenchResult errorCurves(const SkipStressOptions& options, Report& report) {
             TraceOptions trace = nothingSkipped();
             trace.min_weight = static_cast<float>(weight);
             trace.max_dropped = static_cast<float>(weight) * (defaults.max_dropped / defaults.min_weight);
-            add("least weight", weight, errorsOf(full, rays, trace, truth), kLevels * static_cast<double>(trace.max_dropped));
+            add("least weight", weight, errorsOf(full, rays, trace, truth),
+                kLevels * static_cast<double>(trace.max_dropped));
         }
         for (const double alpha : {0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2}) {
             const Occupancy occupied = findOccupied(scene.scene.field, static_cast<float>(alpha));
@@ -434,8 +491,9 @@ BenchResult errorCurves(const SkipStressOptions& options, Report& report) {
         report.update(static_cast<std::int64_t>(&scene - scenes.data()) + 1, "");
     }
     report.end();
-    result.notes.push_back("ball: a hard surface; fog: 0.02 a voxel at its densest; colours in [0, 1], sines; white behind; " +
-                           std::to_string(rays.size()) + " rays, jitter 1/2");
+    result.notes.push_back(
+        "ball: a hard surface; fog: 0.02 a voxel at its densest; colours in [0, 1], sines; white behind; " +
+        std::to_string(rays.size()) + " rays, jitter 1/2");
     result.notes.push_back("the bound of the least alpha holds for the longest way through the box");
     result.notes.push_back("half precision and bf16 do not exist in this program: there is nothing to compare");
     return result;

@@ -110,7 +110,8 @@ Dataset painted(Dataset dataset, std::array<std::uint8_t, 4> rgba) {
 
 Dataset onePixel(Dataset dataset) {
     for (View& view : dataset.views) {
-        const std::size_t middle = view.photo.pixels.size() / 2 + static_cast<std::size_t>(view.photo.width) / 2;
+        const std::size_t middle =
+            view.photo.pixels.size() / 2 + static_cast<std::size_t>(view.photo.width) / 2;
         view.photo.pixels = {view.photo.pixels[middle]};
         view.photo.width = view.photo.height = 1;
         view.camera = resized(view.camera, 1, 1);
@@ -126,7 +127,8 @@ Dataset brightened(Dataset dataset, const std::filesystem::path& scratch) {
         Image image(photo.width, photo.height, 4);
         for (std::size_t i = 0; i < photo.pixels.size(); ++i) {
             for (int c = 0; c < 3; ++c)
-                image.pixels[4 * i + static_cast<std::size_t>(c)] = photo.pixels[i][static_cast<std::size_t>(c)] > 128 ? 1e4f : 0.01f;
+                image.pixels[4 * i + static_cast<std::size_t>(c)] =
+                    photo.pixels[i][static_cast<std::size_t>(c)] > 128 ? 1e4f : 0.01f;
             image.pixels[4 * i + 3] = static_cast<float>(photo.pixels[i][3]) / 255;
         }
         const std::filesystem::path path = folder / (std::to_string(v) + ".exr");
@@ -148,8 +150,8 @@ public:
             const TrainResult result = nerfvdb::train(dataset, options, silent, {});
             const bool holds = isFinite(result.model) && std::isfinite(result.model.info.train_psnr);
             char text[96];
-            std::snprintf(text, sizeof text, "learned: %.1f dB on its own rays, %zu voxels", result.model.info.train_psnr,
-                          result.active_voxels);
+            std::snprintf(text, sizeof text, "learned: %.1f dB on its own rays, %zu voxels",
+                          result.model.info.train_psnr, result.active_voxels);
             row.reason = holds ? text : "a model that is not finite";
             row.check(holds, [&] { return row.reason; });
         } catch (const Error& error) {
@@ -197,15 +199,18 @@ std::vector<StressRow> stressDeterminism(Report& report) {
     const Dataset dataset = smallSphere(report);
     constexpr std::int64_t kSteps = 60;
     report.begin("determinism", 4);
-    StressRow same("training", "other bytes of a model on 1, 2, 4 threads, and again", "none: sums have one order");
+    StressRow same("training", "other bytes of a model on 1, 2, 4 threads, and again",
+                   "none: sums have one order");
     std::string first;
     int done = 0;
     for (const int threads : {1, 2, 4, 2}) {
         const ThreadLimit limit(threads);
         Report silent;
         const std::string bytes = bytesOf(train(dataset, shortTraining(kSteps), silent, {}).model);
-        if (first.empty()) first = bytes;
-        else same.check(bytes == first, [&] { return std::to_string(threads) + " threads"; });
+        if (first.empty())
+            first = bytes;
+        else
+            same.check(bytes == first, [&] { return std::to_string(threads) + " threads"; });
         report.update(++done, std::to_string(threads) + " threads");
     }
     constexpr int kRateSteps = 150;
@@ -276,7 +281,8 @@ std::vector<StressRow> stressInput(const std::filesystem::path& scratch, std::in
     }
     report.end();
 
-    const double nan = std::numeric_limits<double>::quiet_NaN(), infinity = std::numeric_limits<double>::infinity();
+    const double nan = std::numeric_limits<double>::quiet_NaN(),
+                 infinity = std::numeric_limits<double>::infinity();
     judge.refuse("a camera of NaN to learn from", sphere.views[3].path.string(), [&] {
         Dataset bad = sphere;
         bad.views[3].camera.position.x() = nan;
@@ -300,11 +306,16 @@ std::vector<StressRow> stressInput(const std::filesystem::path& scratch, std::in
         Renderer(model, {}).render(camera);
     });
     for (const float step : {0.0f, -1.0f, std::numeric_limits<float>::quiet_NaN()})
-        judge.refuse("samples " + std::to_string(step) + " voxels apart", "step", [&] {
-            RenderOptions options;
-            options.trace.step_voxels = step;
-            Renderer(model, options).render(sphere.views.front().camera);
-        });
+        judge.refuse(std::string("samples ") +
+                         (step == 0  ? "0"
+                          : step < 0 ? "-1"
+                                     : "NaN") +
+                         " voxels apart",
+                     "step", [&] {
+                         RenderOptions options;
+                         options.trace.step_voxels = step;
+                         Renderer(model, options).render(sphere.views.front().camera);
+                     });
     const ScratchFolder folder(scratch);
     const auto save = [&](const char* name, const char* place, const std::function<void(Model&)>& spoil) {
         judge.refuse(name, place, [&] {
@@ -320,7 +331,8 @@ std::vector<StressRow> stressInput(const std::filesystem::path& scratch, std::in
     save("a model with a density of NaN", "nan", [&](Model& bad) {
         for (float& value : bad.field.density()) value = nan_float;
     });
-    save("a model with a weight of NaN", "decoder", [&](Model& bad) { bad.decoder.parameters()[7] = nan_float; });
+    save("a model with a weight of NaN", "decoder",
+         [&](Model& bad) { bad.decoder.parameters()[7] = nan_float; });
     save("a background of NaN", "background", [&](Model& bad) { bad.background[1] = nan_float; });
     judge.refuse("a photograph with a pixel of NaN", "nan.exr", [&] {
         Image image(4, 4, 3);
@@ -355,9 +367,10 @@ std::vector<StressRow> stressSeeds(const SeedStressOptions& options, Report& rep
         report.end();
         const double middle = median(scores);
         char reason[160];
-        std::snprintf(reason, sizeof reason, "asked for; median %.2f dB, lowest %.2f, highest %.2f after %lld steps", middle,
-                      *std::min_element(scores.begin(), scores.end()), *std::max_element(scores.begin(), scores.end()),
-                      static_cast<long long>(options.steps));
+        std::snprintf(reason, sizeof reason,
+                      "asked for; median %.2f dB, lowest %.2f, highest %.2f after %lld steps", middle,
+                      *std::min_element(scores.begin(), scores.end()),
+                      *std::max_element(scores.begin(), scores.end()), static_cast<long long>(options.steps));
         StressRow row("seeds", name + ": distance from the median, dB", reason);
         for (std::size_t i = 0; i < scores.size(); ++i)
             row.add(std::abs(scores[i] - middle), 0.3, [&] { return "seed " + std::to_string(i + 1); });

@@ -276,10 +276,13 @@ Command addBench(CLI::App& program) {
     {
         auto words = std::make_shared<BenchWords>();
         CLI::App* const stress = bench.add_subcommand(
-            "stress", "Numbers against exact ones, hard input, error against work, seeds; exit code 1 if a promise breaks");
-        stress->add_option("--out", words->out, "Folder for stability.md, stress.json and the error curves [bench-results]")
+            "stress",
+            "Numbers against exact ones, hard input, error against work, seeds; exit code 1 if a promise breaks");
+        stress->add_option("--out", words->out,
+                           "Folder for stability.md, stress.json and the error curves [bench-results]")
             ->type_name("DIR");
-        stress->add_option("--seeds", words->seeds, "Train each procedural scene with so many seeds; 0: not at all [20]")
+        stress->add_option("--seeds", words->seeds,
+                           "Train each procedural scene with so many seeds; 0: not at all [20]")
             ->check(CLI::Range(0, 1000))
             ->type_name("N");
         stress->add_flag("--quick", words->quick, "As selftest: under a minute, without seeds");

@@ -2,18 +2,20 @@
 // nerfvdb eval: how close a model comes to photographs that it has not seen.
 #include "cli/commands.h"
 #include "cli/dataset_words.h"
+#include "cli/debug_ray.h"
 #include "cli/output_path.h"
 #include "cli/photo_words.h"
 #include "cli/process.h"
 #include "cli/scene_words.h"
 #include "trainer/evaluate.h"
+#include "vdb/model_file.h"
 
 namespace nerfvdb {
 namespace {
 
 struct EvalWords {
     SceneWords scene;
-    std::string data, save;
+    std::string data, save, debug_ray;
     DatasetWords dataset;
     PhotoWords photos;
     int every = 1;
@@ -67,6 +69,12 @@ void runEval(const EvalWords& words) {
     const auto limit = words.shared.begin();
     if (!words.save.empty()) prepareOutputFolder("--save", words.save);
     TerminalReport report;
+    if (!words.debug_ray.empty()) {
+        const Dataset cameras = words.dataset.read(words.data, /*load_photos=*/false, report);
+        const ReplayedRay ray =
+            replayPixel(loadModel(words.scene.path()), cameras, parseDebugPixel(words.debug_ray, cameras));
+        return words.shared.finish(replayJson(ray), replayText(ray));
+    }
     const std::unique_ptr<Scene> scene = words.scene.load(false);
     DatasetOptions photographs;
     words.photos.apply(photographs);
@@ -97,6 +105,10 @@ Command addEval(CLI::App& program) {
         ->type_name("N");
     app.add_option("--save", words->save, "Write the rendered views there: 0000.png, ... by index of the view")
         ->type_name("DIR");
+    app.add_option("--debug-ray", words->debug_ray,
+                   "Instead of scoring, print each sample of the ray through one pixel of a model's picture; IMAGE is "
+                   "the view's number or the end of its file's path")
+        ->type_name("IMAGE:X:Y");
     words->shared.add(app, "  nerfvdb eval lego.vdb data/lego --split test --json scores.json");
     return {&app, [words] { runEval(*words); }};
 }

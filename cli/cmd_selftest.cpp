@@ -23,8 +23,9 @@ Command addSelftest(CLI::App& program) {
     auto shared = std::make_shared<SharedOptions>();
     CLI::App& app = *program.add_subcommand(
         "selftest", "Hold this program's numbers against exact ones, on this machine; under a minute");
-    shared->add(app, "  nerfvdb selftest --json selftest.json\n"
-                     "\nExit code 1 if a promise is broken. The long form: nerfvdb bench stress.");
+    shared->add(app,
+                "  nerfvdb selftest --json selftest.json\n"
+                "\nExit code 1 if a promise is broken. The long form: nerfvdb bench stress.");
     return {&app, [shared] { runSelftest(*shared); }};
 }
 

@@ -100,7 +100,13 @@ void runTrain(const TrainWords& words) {
         words.resume);
     report.end();
     result.model.cameras.insert(result.model.cameras.end(), held_out.begin(), held_out.end());
-    saveModel(result.model, out);
+    try {
+        saveModel(result.model, out);
+    } catch (const NumericError& error) {
+        if (result.numeric_error.empty()) throw;
+        throw NumericError(result.numeric_error + "; " + error.what() +
+                           "; the last checkpoint and model are as they were");
+    }
     log.finish();
 
     const double seconds = secondsSinceProcessStart();
@@ -121,6 +127,7 @@ void runTrain(const TrainWords& words) {
                        {"exposure_learned", !result.gains.empty()},
                        {"exposure_gains", result.gains},
                        {"interrupted", result.interrupted},
+                       {"undone_steps", result.undone_steps},
                        {"notes", result.notes}};
     std::string text =
         formatted("%s: %lld steps, %.2f dB on the training rays, %zu active voxels, %s\n", out.c_str(),
@@ -136,6 +143,8 @@ void runTrain(const TrainWords& words) {
     const std::string stopped =
         result.interrupted ? "stopped at step " + std::to_string(result.steps) + " as asked, and " : "";
     const std::string saved = stopped + "saved " + out.string();
+    if (!result.numeric_error.empty())
+        throw NumericError(result.numeric_error + "; saved what was learned before as " + out.string());
     if (!result.checkpoint_error.empty())
         throw IoError(saved + ", but not its checkpoint: " + result.checkpoint_error);
     if (result.interrupted)

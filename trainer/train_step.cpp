@@ -11,13 +11,23 @@ namespace nerfvdb {
 namespace {
 
 constexpr float kLeastSky = 1e-3f;  // rays to which less light comes from the sky say nothing about it
+constexpr float kLargestGradient = 1e15f;  // of a ray: squares of sums over a batch stay finite in moments
+
+bool isUsable(float gradient) { return std::abs(gradient) <= kLargestGradient; }
 
 }  // namespace
 
 StepReport TrainStepper::step(TrainState& state, const RaySource& source, std::uint64_t step, int batch,
                               const StepRates& rates, const TraceOptions& trace) {
-    const StepReport report = differentiate(state, source, step, batch, trace);
+    StepReport report = differentiate(state, source, step, batch, trace);
     if (!report.is_finite) return report;
+    const std::span<const float> dl_dnetwork = networkGradient();
+    if (!std::all_of(dl_dnetwork.begin(), dl_dnetwork.end(), isUsable)) {
+        const TrainingRay first = source.draw(step, 0);
+        report.is_finite = false;
+        report.bad_view = first.view, report.bad_x = first.x, report.bad_y = first.y;
+        return report;
+    }
 
     const int channels = state.field.channels();
     const RmsPropRates voxel_rates{rates.density, rates.features,          rates.decay,
@@ -30,7 +40,7 @@ StepReport TrainStepper::step(TrainState& state, const RaySource& source, std::u
                           &state.field.features()[first * channels], &state.feature_moment[first]);
         for (int word = 0; word < kLeafWords; ++word) state.seen[leaf][word] |= seen[word];
     });
-    state.network.step(state.decoder.parameters(), networkGradient(), rates.network);
+    state.network.step(state.decoder.parameters(), dl_dnetwork, rates.network);
     if (!state.sky.isEmpty()) {
         state.sky_optimizer.step(state.sky.values(), skyGradient(state.sky), rates.sky);
         state.sky.smooth(rates.sky_smoothing, sky_scratch_);
@@ -173,6 +183,12 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
                            worker.dl_dtransmittance.data(), tile.dl_dnetwork, worker.decoding, lit.data());
     tracer.traceBackward(scene, gradients.dl_dray_features.data(), worker.dl_dtransmittance.data(),
                          state.distortion, gradients.kept);
+    for (int i = 0; i < gradients.kept.n && tile.report.is_finite; ++i)
+        if (!isUsable(gradients.kept.dl_draw[i])) {
+            const TrainingRay& drawn = worker.rays[gradients.kept.ray[i]];
+            tile.report.is_finite = false;
+            tile.report.bad_view = drawn.view, tile.report.bad_x = drawn.x, tile.report.bad_y = drawn.y;
+        }
     tile.report.distortion = tracer.distortion();
     gradients.bin(state.field.topology());
     tile.report.trace = tracer.counters();

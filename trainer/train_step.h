@@ -57,7 +57,8 @@ struct StepReport {
     std::uint64_t rays = 0;
     TraceCounters trace;
     bool is_finite = true;
-    int bad_view = -1, bad_x = 0, bad_y = 0;  // a ray whose colour was not finite
+    // A ray whose colour or gradient was not finite; if only the network's sum was not, the batch's first.
+    int bad_view = -1, bad_x = 0, bad_y = 0;
 };
 
 /// Runs steps; owns the working memory. Results do not depend on the number of threads.

@@ -14,6 +14,7 @@
 #include "trainer/faint_cells.h"
 #include "trainer/model_cameras.h"
 #include "trainer/scene_box.h"
+#include "trainer/step_guard.h"
 #include "vdb/adapt.h"
 
 namespace nerfvdb {
@@ -124,7 +125,7 @@ private:
     void planFromOptions();
     void checkFinestVoxel(const Box& box, double coarsest_voxel) const;
     void replanForTime();
-    bool runStage();  // false: the user asked to stop
+    bool runStage();  // false: the user asked to stop, or numeric_error_ says why
     void stepOnce();
     void enterStage();
     void settleExposure();
@@ -148,6 +149,8 @@ private:
     TrainState state_;
     TrainPlace place_;
     TrainStepper stepper_;
+    StepGuard guard_;
+    std::string numeric_error_;
     TraceOptions trace_;
     int max_levels_ = kMaxLevels;
     bool plans_time_ = false;
@@ -361,8 +364,8 @@ TrainResult Training::run() {
     report_.begin("training", totalSteps());
     for (;;) {
         if (!runStage()) {
-            save();
-            return finish(/*interrupted=*/true);
+            if (numeric_error_.empty()) save();
+            return finish(/*interrupted=*/numeric_error_.empty());
         }
         if (place_.stage + 1 == place_.stages.size()) break;
         enterStage();
@@ -402,6 +405,7 @@ bool Training::runStage() {
             place_.next_occupancy += std::clamp(place_.step_in_stage / 2, kFirstOccupancy, kLastOccupancy);
         }
         stepOnce();
+        if (!numeric_error_.empty()) return false;
         const bool is_new_level = place_.stage == 0 || place_.stages[place_.stage - 1].level != stage().level;
         if (plans_time_ && is_new_level && place_.step_in_stage == std::min(kProbeSteps, stage().steps))
             replanForTime();
@@ -419,13 +423,12 @@ bool Training::runStage() {
 void Training::stepOnce() {
     const double begin = clock_.seconds();
     boundMappedPhotos();
-    const StepReport result = stepper_.step(state_, source_, static_cast<std::uint64_t>(place_.step), stage().batch,
-                                            rates(), trace_);
-    if (!result.is_finite)
-        throw NumericError("training: a colour that is not finite at step " + std::to_string(place_.step) +
-                           ", image " + dataset_.views[static_cast<std::size_t>(result.bad_view)].path.string() +
-                           ", pixel (" + std::to_string(result.bad_x) + ", " + std::to_string(result.bad_y) + ")" +
-                           (has_checkpoint_ ? "; the last checkpoint is good" : ""));
+    const StepReport result = guard_.step(stepper_, state_, source_, static_cast<std::uint64_t>(place_.step),
+                                          stage().batch, rates(), trace_);
+    if (!result.is_finite) {
+        numeric_error_ = StepGuard::complaint(result, place_.step, dataset_);
+        return;
+    }
     const double mean = result.squared_error / (3.0 * static_cast<double>(result.rays));
     place_.mean_error = place_.step == 0 ? mean : kErrorMemory * place_.mean_error + (1 - kErrorMemory) * mean;
     place_.rays += result.rays;
@@ -527,6 +530,8 @@ TrainResult Training::finish(bool interrupted) {
     result.interrupted = interrupted;
     result.active_voxels = result.model.field.topology().voxelCount();
     result.gains = state_.exposures.gains();
+    result.undone_steps = guard_.undone();
+    result.numeric_error = numeric_error_;
     result.checkpoint_error = checkpoint_error_;
     result.notes = notes_;
     if (photosOnDisk()) result.notes.push_back("photographs were read from a cache on disk, not from memory");

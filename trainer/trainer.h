@@ -56,6 +56,8 @@ struct TrainResult {
     bool interrupted = false;    // stopped early on request: the model is whole, but less trained
     std::size_t active_voxels = 0;
     std::vector<double> gains;       // Exposures::gains of the views; empty: exposures were not learned
+    std::uint64_t undone_steps = 0;  // that met values which are not finite, and were tried again
+    std::string numeric_error;       // why training stopped early although nobody asked; empty: it did not
     std::string checkpoint_error;    // why the last checkpoint could not be written; empty: it was
     std::vector<std::string> notes;  // facts for the user: plan, memory limit reached, ...
 };
@@ -65,6 +67,8 @@ struct TrainResult {
 /// With `checkpoint`, state is loaded from there when `resume`, and saved there at intervals and at the end. Plan,
 /// seed, background, exposure and box are then those of the checkpoint, whatever `options` say. A checkpoint that cannot be
 /// written is a warning and TrainResult::checkpoint_error, never the end of training.
+/// Steps that meet values which are not finite are undone and tried again (step_guard.h); three in a row end training
+/// with numeric_error: the model is as it was before them, the checkpoint the last that was written.
 /// Throws DataError (nothing to learn from, a checkpoint of another data set) or NumericError.
 TrainResult train(const Dataset& dataset, const TrainOptions& options, Report& report,
                   const std::function<void(const TrainProgress&)>& on_interval,

@@ -21,6 +21,10 @@
 
 namespace nerfvdb {
 
+/// What the thresholds may cost: on any ray, fog included, stopping early changes a colour in [0, 1] by at most
+/// stop_transmittance, and dropping weights by at most max_dropped: together 255 (stop_transmittance + max_dropped)
+/// levels of 8 bits, 2.6 at the defaults. Where cells below min_alpha are passed by as well (findOccupied), by at most
+/// 1 - (1 - min_alpha)^voxels passed more. Proofs, and what a decoder makes of it: docs/stability.md.
 struct TraceOptions {
     float step_voxels = 0.5f;          // distance between samples, voxel edges
     float stop_transmittance = 1e-4f;  // a ray ends when less light than this is left

@@ -37,7 +37,7 @@ has_keys() {
     for key in "$@"; do grep -q "\"$key\":" "$file" || fail "$file has no key $key: $(cat "$file")"; done
 }
 
-readonly commands=(train eval render export mesh info synth bench prepare)
+readonly commands=(train eval render export mesh info synth bench prepare selftest)
 
 # A data set that trains in moments.
 tiny_scene() { expect 0 synth sphere --out data --views 12 --val-views 0 --test-views 3 --width 48 --height 48 "$@"; }
@@ -238,6 +238,12 @@ test_story() {
     ! grep -q "$PWD" model.vdb || fail "the model tells where it was made"
     grep -qE '^grid density: float, [1-9][0-9]* active voxels \(a preview, half the resolution\)$' out || fail "no grid: $(cat out)"
 
+    expect 0 eval model.vdb data --split test --debug-ray 0:12:12 --json -
+    has_keys samples transmittance decoded color
+    expect 0 eval model.vdb data --debug-ray 0:12:12
+    says out "light left"
+    expect 2 eval model.vdb data --debug-ray 0:9999:0
+    says err "--debug-ray"
     expect 0 render model.vdb --orbit 2 --width 32 --height 24 --out orbit --depth --opacity --normals
     [[ $(find orbit -name '000[01].*' | wc -l) -eq 14 ]] || fail "render wrote: $(ls orbit)"
     expect 0 render model.vdb --data data --split test --width 24 --out views24 --json -
