@@ -70,6 +70,7 @@ Unskipped::Unskipped(const Model& model, float min_alpha)
     full_.field = copyField(model.field, std::move(whole));
     full_.decoder = model.decoder;
     full_.background = model.background;
+    full_.sky = model.sky;
 }
 
 Occupancy Unskipped::walkedLeaves() const {

@@ -4,9 +4,11 @@
 #include "cli/output_path.h"
 #include "cli/process.h"
 #include "cli/quantities.h"
+#include "cli/shell_words.h"
 #include "core/error.h"
 #include "export/blender_memory.h"
 #include "export/camera_export.h"
+#include "export/flat_model.h"
 #include "export/level_set.h"
 #include "export/marching_cubes.h"
 #include "export/vdb_export.h"
@@ -24,6 +26,8 @@ struct ExportWords {
     double min_alpha = -1;
     int finer = 0;
     bool full_precision = false, center = false, ground = false, volume_only = false, level_set = false;
+    bool each_shell = false;
+    ShellWords shells;
     ExportVdbOptions options;
     SharedOptions shared;
 };
@@ -55,21 +59,35 @@ ExportVdbOptions exportOptions(const ExportWords& words) {
     return options;
 }
 
-/// All files that an export makes.
+/// The files that lie beside the volumes.
 struct Outputs {
-    std::vector<std::filesystem::path> volumes;
     std::filesystem::path level_set, cameras, script;
 };
+
+/// What was written: of the whole box, or of one shell.
+struct Part {
+    int shell;
+    ExportVdbReport written;
+};
+
+/// volume.vdb, volume.shell1.vdb, ...
+std::filesystem::path shellPath(const std::filesystem::path& path, int shell) {
+    if (shell == 0) return path;
+    return path.parent_path() / (path.stem().string() + ".shell" + std::to_string(shell) + path.extension().string());
+}
 
 Outputs checkOutputs(const ExportWords& words) {
     const std::filesystem::path out = words.out;
     if (out.extension() != ".vdb")
         throw UsageError("--out", "'" + words.out + "'", "a file name that ends in .vdb");
-    Outputs outputs{exportPaths(out, words.options.tiles), out, out, out};
+    if (words.each_shell && words.level_set)
+        throw UsageError("--level-set", "it together with --each-shell", "one of the two",
+                         "surfaces of shells alone would have walls between them");
+    Outputs outputs{out, out, out};
     outputs.level_set.replace_extension(".surface.vdb");
     outputs.cameras.replace_extension(".cameras.json");
     outputs.script.replace_extension(".blender.py");
-    for (const std::filesystem::path& path : outputs.volumes) {
+    for (const std::filesystem::path& path : exportPaths(out, words.options.tiles)) {
         prepareOutputFile("--out", path);
         if (std::filesystem::exists(path) && std::filesystem::equivalent(path, words.model))
             throw UsageError("--out", "the model itself", "another file", "an export cannot be trained again");
@@ -78,11 +96,13 @@ Outputs checkOutputs(const ExportWords& words) {
 }
 
 void writeBeside(const Outputs& outputs, const Model& model, const ExportVdbOptions& options,
-                 const ExportVdbReport& exported) {
+                 const std::vector<Part>& parts) {
     BlenderScene scene;
-    for (const std::filesystem::path& path : outputs.volumes) scene.volumes.push_back(path.filename().string());
+    for (const Part& part : parts)
+        for (const ExportVdbReport::File& file : part.written.files)
+            scene.volumes.push_back(file.path.filename().string());
     if (!model.cameras.empty()) {
-        writeCamerasJson(outputs.cameras, model.cameras, exported.placement);
+        writeCamerasJson(outputs.cameras, model.cameras, parts.front().written.placement);
         scene.cameras = outputs.cameras.filename().string();
     }
     scene.color_name = options.color == Color::none ? "" : options.color_name;
@@ -100,10 +120,28 @@ void writeSurface(const Outputs& outputs, const Model& model, const ExportVdbRep
     report.info("level set: " + outputs.level_set.string());
 }
 
-Json exportJson(const ExportWords& words, const ExportVdbReport& exported) {
-    Json json = {{"command", "export"},
-                 {"out", words.out},
-                 {"files", Json::array()},
+/// Each shell alone, in its own voxels, all in one world. One of which nothing is left to write is left out.
+std::vector<Part> exportShells(const ExportWords& words, const Model& model, ExportVdbOptions options, Report& report) {
+    const int n_shells = words.shells.count(model, model.field.shells().count);
+    options.max_blender_bytes /= n_shells;
+    std::vector<Part> parts;
+    for (int shell = 0; shell < n_shells; ++shell) {
+        if (shell > 0) options.outside = model.field.shellBox(shell - 1);
+        report.info(formatted("shell %d of %d", shell, model.field.shells().count));
+        try {
+            parts.push_back({shell, exportVdb(shellModel(model, shell), shellPath(words.out, shell), options, report)});
+        } catch (const DataError& nothing) {
+            if (parts.empty() && shell + 1 == n_shells) throw;
+            report.warn(formatted("shell %d is left out: %s", shell, nothing.what()));
+            continue;
+        }
+        if (!options.placed_by) options.placed_by = parts.front().written.bounds;
+    }
+    return parts;
+}
+
+Json exportJson(const ExportVdbReport& exported) {
+    Json json = {{"files", Json::array()},
                  {"active_voxels", exported.active_voxels},
                  {"left_out_voxels", exported.left_out},
                  {"voxel_size", exported.voxel_size},
@@ -111,8 +149,7 @@ Json exportJson(const ExportWords& words, const ExportVdbReport& exported) {
                  {"box_voxels", {exported.box_voxels.x(), exported.box_voxels.y(), exported.box_voxels.z()}},
                  {"blender_bytes", kBlenderItself + exported.blender_bytes},
                  {"half", exported.half},
-                 {"file_bytes", exported.bytes},
-                 {"peak_memory_bytes", peakMemoryBytes()}};
+                 {"file_bytes", exported.bytes}};
     for (const ExportVdbReport::File& file : exported.files)
         json["files"].push_back(
             {{"path", file.path.string()}, {"active_voxels", file.active_voxels}, {"bytes", file.bytes}});
@@ -121,6 +158,23 @@ Json exportJson(const ExportWords& words, const ExportVdbReport& exported) {
                         {"psnr", exported.loss->psnr},
                         {"psnr_without_view_dependence", exported.loss->psnr_diffuse},
                         {"opacity_error", exported.loss->opacity_error}};
+    return json;
+}
+
+/// As one volume, or a list of shells.
+Json partsJson(const ExportWords& words, const Model& model, const std::vector<Part>& parts) {
+    Json json = {{"command", "export"}, {"out", words.out}, {"model_shells", model.field.shells().count}};
+    if (!words.each_shell) {
+        json["shells"] = words.shells.count(model, 1);
+        json.update(exportJson(parts.front().written));
+    } else {
+        json["each_shell"] = Json::array();
+        for (const Part& part : parts) {
+            json["each_shell"].push_back({{"shell", part.shell}});
+            json["each_shell"].back().update(exportJson(part.written));
+        }
+    }
+    json["peak_memory_bytes"] = peakMemoryBytes();
     return json;
 }
 
@@ -144,6 +198,12 @@ std::string exportText(const ExportWords& words, const ExportVdbOptions& options
                           exported.loss->opacity_error);
     else if (options.color != Color::none)
         text += "not compared with the model: it names no cameras; 'nerfvdb eval " + words.out + " DATA' does\n";
+    return text;
+}
+
+std::string partsText(const ExportWords& words, const ExportVdbOptions& options, const std::vector<Part>& parts) {
+    std::string text;
+    for (const Part& part : parts) text += exportText(words, options, part.written);
     if (options.color != Color::none)
         text += "colour is the same from all sides: reflections do not move with the eye\n";
     return text;
@@ -155,10 +215,16 @@ void runExport(const ExportWords& words) {
     const ExportVdbOptions options = exportOptions(words);
     TerminalReport report;
     const Model model = loadModel(words.model);
-    const ExportVdbReport exported = exportVdb(model, words.out, options, report);
-    if (words.level_set) writeSurface(outputs, model, exported, report);
-    if (!words.volume_only) writeBeside(outputs, model, options, exported);
-    words.shared.finish(exportJson(words, exported), exportText(words, options, exported));
+    std::vector<Part> parts;
+    if (words.each_shell) {
+        parts = exportShells(words, model, options, report);
+    } else {
+        const Model flat = words.shells.flatten(model, report);
+        parts.push_back({0, exportVdb(flat, words.out, options, report)});
+        if (words.level_set) writeSurface(outputs, flat, parts.front().written, report);
+    }
+    if (!words.volume_only) writeBeside(outputs, model, options, parts);
+    words.shared.finish(partsJson(words, model, parts), partsText(words, options, parts));
 }
 
 void addPlacement(CLI::App& app, ExportWords& words) {
@@ -225,6 +291,10 @@ Command addExport(CLI::App& program) {
                    "Cut into N files, VOLUME.000.vdb, ..., that line up exactly [1]")
         ->check(CLI::Range(1, 999))
         ->type_name("N");
+    words->shells.add(app);
+    app.add_flag("--each-shell", words->each_shell,
+                 "Each shell as a file in its own voxels, VOLUME.vdb, VOLUME.shell1.vdb, ...; limits are for each [all of "
+                 "them, or --shells]");
     addPlacement(app, *words);
     app.add_flag("--full-precision", words->full_precision, "Write 32-bit numbers, not 16-bit");
     app.add_flag("--level-set", words->level_set,

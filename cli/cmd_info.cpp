@@ -17,12 +17,56 @@ struct InfoWords {
     SharedOptions shared;
 };
 
+/// One shell of a field.
+struct ShellFacts {
+    double voxel_size = 0;  // world units
+    Box box;
+    std::size_t active_voxels = 0, cells = 0;
+};
+
+std::vector<ShellFacts> shellFacts(const VoxelField& field) {
+    std::vector<ShellFacts> facts(static_cast<std::size_t>(field.shells().count));
+    for (int shell = 0; shell < field.shells().count; ++shell) {
+        facts[shell].voxel_size = field.frame().voxel_size * Shells::scale(shell);
+        facts[shell].box = field.shellBox(shell);
+    }
+    const Topology& topology = field.topology();
+    for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf) {
+        ShellFacts& shell = facts[field.shells().shellOf(topology.leafCoords()[leaf].x() * kLeafDim)];
+        forEachBit(topology.voxels()[leaf], [&](int) { ++shell.active_voxels; });
+        forEachBit(topology.cells()[leaf], [&](int) { ++shell.cells; });
+    }
+    return facts;
+}
+
+Json shellsJson(const std::vector<ShellFacts>& shells) {
+    Json json = Json::array();
+    for (const ShellFacts& shell : shells)
+        json.push_back({{"voxel_size", shell.voxel_size},
+                        {"bounds", boxJson(shell.box)},
+                        {"active_voxels", shell.active_voxels},
+                        {"cells", shell.cells}});
+    return json;
+}
+
+/// Nothing for a scene in one box.
+std::string shellsText(const std::vector<ShellFacts>& shells) {
+    if (shells.size() == 1) return "";
+    std::string text;
+    for (std::size_t i = 0; i < shells.size(); ++i)
+        text += formatted("shell %zu: voxels of %.4g world units, %zu active, ", i, shells[i].voxel_size,
+                          shells[i].active_voxels) +
+                boxText(shells[i].box) + "\n";
+    return text;
+}
+
 void describeModel(const InfoWords& words) {
     const Model model = loadModel(words.path);
     const VoxelField& field = model.field;
     const Topology& topology = field.topology();
-    const Vec3i dims = topology.dims();
-    const double in_box = dims.cast<double>().prod();
+    const std::vector<ShellFacts> shells = shellFacts(field);
+    const Vec3i dims = shells.size() > 1 ? field.shells().extent : topology.dims();  // of each shell
+    const double in_box = dims.cast<double>().prod() * static_cast<double>(shells.size());
     const double share = in_box > 0 ? static_cast<double>(topology.voxelCount()) / in_box : 0;
     const auto file_bytes = std::filesystem::file_size(words.path);
     Json grids = Json::array();
@@ -43,6 +87,8 @@ void describeModel(const InfoWords& words) {
                        {"resolution", {dims.x(), dims.y(), dims.z()}},
                        {"voxel_size", field.frame().voxel_size},
                        {"bounds", boxJson(field.worldBox())},
+                       {"shells", shellsJson(shells)},
+                       {"sky", model.sky.isEmpty() ? Json(nullptr) : Json({model.sky.width(), model.sky.height()})},
                        {"leaves", topology.leafCount()},
                        {"active_voxels", topology.voxelCount()},
                        {"cells", topology.cellCount()},
@@ -61,13 +107,14 @@ void describeModel(const InfoWords& words) {
         formatted("model: density and %d features a voxel, a network %d wide (%zu parameters)\n", field.channels(),
                   model.decoder.width(), model.decoder.parameters().size()) +
         grids_text +
-        formatted("resolution: %d x %d x %d, voxels of %.4g world units\n", dims.x(), dims.y(), dims.z(),
-                  field.frame().voxel_size) +
-        "bounds: " + boxText(field.worldBox()) + "\n" +
-        formatted("active voxels: %zu (%.2f %% of the box) in %zu leaves\n", topology.voxelCount(), 100 * share,
-                  topology.leafCount()) +
-        formatted("background: %.3g, %.3g, %.3g (sRGB)\n", model.background.x(), model.background.y(),
-                  model.background.z()) +
+        formatted("resolution: %d x %d x %d%s, voxels of %.4g world units\n", dims.x(), dims.y(), dims.z(),
+                  shells.size() > 1 ? " in each shell" : "", field.frame().voxel_size) +
+        "bounds: " + boxText(field.worldBox()) + "\n" + shellsText(shells) +
+        formatted("active voxels: %zu (%.2f %% of the %s) in %zu leaves\n", topology.voxelCount(), 100 * share,
+                  shells.size() > 1 ? "shells" : "box", topology.leafCount()) +
+        (model.sky.isEmpty() ? formatted("background: %.3g, %.3g, %.3g (sRGB)\n", model.background.x(),
+                                         model.background.y(), model.background.z())
+                             : formatted("sky: a panorama of %d x %d\n", model.sky.width(), model.sky.height())) +
         "memory: " + sizeText(static_cast<double>(field.bytes())) +
         ", file: " + sizeText(static_cast<double>(file_bytes)) + "\n" +
         formatted("trained: seed %llu, steps %s, %.2f dB on the training rays\n",

@@ -6,6 +6,7 @@
 #include "cli/output_path.h"
 #include "cli/process.h"
 #include "cli/quantities.h"
+#include "cli/shell_words.h"
 #include "core/error.h"
 #include "export/marching_cubes.h"
 #include "export/mesh_io.h"
@@ -23,6 +24,7 @@ struct MeshWords {
     std::string method = "marching-cubes";
     double adaptivity = 0;
     bool stream = false;
+    ShellWords shells;
     ReworkWords rework;
     SharedOptions shared;
 };
@@ -78,7 +80,7 @@ void runMesh(const MeshWords& words) {
     }
 
     TerminalReport report;
-    const Model model = loadModel(words.model);
+    const Model model = words.shells.flatten(loadModel(words.model), report);
     if (words.stream) return streamMesh(words, model, options, report);
     const double iso = options.iso.value_or(automaticIso(model.field));
     Mesh mesh = extractSurface(model, options, report);
@@ -160,6 +162,7 @@ Command addMesh(CLI::App& program) {
     app.add_flag("--fill-inside", words->fill_inside,
                  "Make bodies solid: no surfaces of cavities that nothing leads into from outside");
     app.add_flag("--no-colours", words->no_colours, "Leave out the vertex colours");
+    words->shells.add(app);
     addRework(app, words->rework);
     app.add_option("--up", words->up, "The axis of the model's world that .glb is told points up: y or z [z]")
         ->check(CLI::IsMember({"y", "z"}))

@@ -27,7 +27,10 @@ public:
     ModelScene(Model model, const RenderOptions& options) : model_(std::move(model)), renderer_(model_, options) {}
     RenderedImage render(const Camera& camera) const override { return renderer_.render(camera); }
     Vec3f background() const override { return model_.background; }
-    Box occupiedBox() const override { return leafBox(model_.field.topology(), model_.field.frame()); }
+    Box occupiedBox() const override {
+        const VoxelField& field = model_.field;
+        return field.shells().count > 1 ? field.shellBox(0) : leafBox(field.topology(), field.frame());
+    }
 
 private:
     Model model_;

@@ -18,7 +18,8 @@ public:
     virtual ~Scene() = default;
     virtual RenderedImage render(const Camera& camera) const = 0;
     virtual Vec3f background() const = 0;  // sRGB values
-    virtual Box occupiedBox() const = 0;   // of the leaves that hold something, world units
+    /// Of the leaves that hold something, world units; of a scene without bounds its inner box.
+    virtual Box occupiedBox() const = 0;
 };
 
 /// The words that name a scene.

@@ -101,6 +101,21 @@ std::vector<LeafMask> visibleVoxels(const Volume& volume, double min_alpha) {
     return visible;
 }
 
+/// Active voxels that lie neither in a box nor on its faces.
+std::vector<LeafMask> voxelsOutside(const Volume& volume, const Box& box) {
+    constexpr double kRounding = 1e-6;  // voxels: a voxel on a face is on it
+    const Topology& topology = volume.topology();
+    const Box inside{volume.frame().indexFromWorld(box.min) - Vec3d::Constant(kRounding),
+                     volume.frame().indexFromWorld(box.max) + Vec3d::Constant(kRounding)};
+    std::vector<LeafMask> outside(topology.leafCount());
+    for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf)
+        forEachBit(volume.active()[leaf], [&](int offset) {
+            const Vec3i voxel = topology.leafCoords()[leaf] * kLeafDim + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
+            if (!inside.contains(voxel.cast<double>())) setBit(outside[leaf], offset);
+        });
+    return outside;
+}
+
 // ---- Tiles ----
 
 /// Cuts the active voxels into slabs of whole leaves along the longest side, of about equally many voxels.
@@ -140,6 +155,7 @@ Made makeVolume(const Model& model, const ExportVdbOptions& options, int finer, 
     const double min_alpha = options.min_alpha.value_or(cameras.empty() ? kMinAlphaUnseen : kMinAlphaSeen);
     Made made;
     made.volume = startVolume(model, options, min_alpha, finer);
+    if (options.outside) made.volume = made.volume.restricted(voxelsOutside(made.volume, *options.outside));
     const bool is_whole = made.volume.frame().voxel_size == model.field.frame().voxel_size;
     made.n_candidates = is_whole ? model.field.topology().voxelCount() : activeCount(made.volume);
     const bool has_color = options.color != ExportVdbOptions::Color::none;
@@ -234,7 +250,7 @@ ExportVdbReport exportVdb(const Model& whole, const std::filesystem::path& path,
                       volume.frame().worldFromIndex(high.cast<double>())};
     written.box_voxels = high - low + Vec3i::Ones();
     written.blender_bytes = blenderBytes(written.box_voxels, volume.topology().leafCount(), has_color);
-    written.placement = placementOf(options.placement, written.bounds);
+    written.placement = placementOf(options.placement, options.placed_by.value_or(written.bounds));
     volume.place(written.placement);
     written.voxel_size = volume.frame().voxel_size;
 

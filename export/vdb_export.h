@@ -37,7 +37,9 @@ struct ExportVdbOptions {
     double max_voxels = 0;            // active voxels; 0: no limit
     double max_blender_bytes = 0;     // blenderBytes of all that is written; 0: no limit
     std::optional<Box> bounds;        // only what lies inside, world units of the model
-    PlacementOptions placement;       // where the file's world has what is written
+    std::optional<Box> outside;       // only voxels outside of this box and its faces, world units of the model
+    PlacementOptions placement;       // where the file's world has what is written ...
+    std::optional<Box> placed_by;     // ... or another part of the scene, which comes to lie in the origin
     int tiles = 1;                    // files, slabs along the longest side, on the same voxels
     bool half = true;                 // 16-bit floats where they can say every value, else 32
 };

@@ -32,7 +32,7 @@ inline constexpr int kMaxShells = 16;
 struct Shells {
     int count = 1;
     Vec3i extent = Vec3i::Zero();  // cells of each shell along each axis; multiples of 4 if there is more than one shell
-    int stride = 0;                // voxels from a shell to the next, along x; more than extent.x
+    int stride = 0;                // voxels from a shell to the next, along x; more than extent.x, and whole leaves
 
     int shellOf(int x) const { return count > 1 ? std::min(x / stride, count - 1) : 0; }
     /// Voxel size of a shell, in voxels of shell 0.
@@ -50,9 +50,11 @@ struct Shells {
         const double voxel_size = inner.voxel_size * scale(shell);
         return {inner.worldFromIndex(center) - voxel_size * (center + corner(shell)), voxel_size};
     }
-    /// Whether they lie side by side in an index space of `dims` voxels, each with room for upper corners.
+    /// Whether they lie side by side in an index space of `dims` voxels, each with room for upper corners, in whole
+    /// leaves of its own, and around whole cells of its own.
     bool fits(const Vec3i& dims) const {
-        return count >= 1 && count <= kMaxShells && (extent.array() > 0).all() && extent.x() < stride &&
+        const bool are_whole = count == 1 || (stride % 8 == 0 && (extent.array() / 4 * 4 == extent.array()).all());
+        return count >= 1 && count <= kMaxShells && are_whole && (extent.array() > 0).all() && extent.x() < stride &&
                extent.y() < dims.y() && extent.z() < dims.z() && stride <= dims.x() / count;
     }
     /// The same field at half the voxel size.
