@@ -69,15 +69,16 @@ void runEval(const EvalWords& words) {
     const auto limit = words.shared.begin();
     if (!words.save.empty()) prepareOutputFolder("--save", words.save);
     TerminalReport report;
+    DatasetOptions photographs;
+    words.photos.apply(photographs);
     if (!words.debug_ray.empty()) {
-        const Dataset cameras = words.dataset.read(words.data, /*load_photos=*/false, report);
+        photographs.load_photos = false;
+        const Dataset cameras = words.dataset.read(words.data, photographs, report);
         const ReplayedRay ray =
             replayPixel(loadModel(words.scene.path()), cameras, parseDebugPixel(words.debug_ray, cameras));
         return words.shared.finish(replayJson(ray), replayText(ray));
     }
     const std::unique_ptr<Scene> scene = words.scene.load(false);
-    DatasetOptions photographs;
-    words.photos.apply(photographs);
     const Dataset dataset = words.dataset.read(words.data, photographs, report);
 
     const auto save = [&](const ViewScore& score, const Image& rgb) {

@@ -25,7 +25,7 @@ constexpr double kUnitsPerBox = 260;        // density is learned per 1/260 of t
 constexpr float kInitialRaw = -4.19f;       // ... and starts at alpha 0.03 over two such units; ...
 // ... but an open scene near empty: a ray crosses many shells, and fog in the near ones would hide what stands behind.
 constexpr float kOpenInitialRaw = -7;
-constexpr float kOpenMinSeen = 0.03f;       // there a cell that never gave a ray this share of its light is not divided
+constexpr float kOpenMinSeen = 0.05f;       // there a cell that never gave a ray this share of its light is not divided
 constexpr int kSkyWidth = 512;              // texels around the horizon
 constexpr double kErrorMemory = 0.99;       // of the running mean of the error, per step
 constexpr double kVoxelPerPixel = 0.6;      // voxels smaller than this share of a pixel's width show nothing new

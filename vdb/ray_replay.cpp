@@ -33,7 +33,8 @@ ReplayedRay replayRay(const Model& model, const Ray& ray, const TraceOptions& op
             for (std::size_t c = 0; c < channels; ++c)
                 sample.features[c] += weight * scene.bricks.features[value * channels + c];
         }
-        sample.sigma = sigmaFromRaw(sample.raw, field.densityScale());
+        const double scale = Shells::scale(field.shells().shellOf(sample.cell.x()));
+        sample.sigma = sigmaFromRaw(sample.raw, field.densityScale() / scale);
         sample.tau = kept.tau[i], sample.weight = kept.weight[i], sample.transmittance = kept.transmittance[i];
         replayed.samples.push_back(std::move(sample));
     }
@@ -42,7 +43,8 @@ ReplayedRay replayRay(const Model& model, const Ray& ray, const TraceOptions& op
     Decoder::Workspace work;
     model.decoder.forward(1, tracer.rayFeatures(), tracer.directions(), tracer.transmittance(),
                           replayed.rgb.data(), work);
-    replayed.color = (1 - replayed.transmittance) * replayed.rgb + replayed.transmittance * model.background;
+    const Vec3f behind = model.sky.isEmpty() ? model.background : model.sky.at(tracer.directions());
+    replayed.color = (1 - replayed.transmittance) * replayed.rgb + replayed.transmittance * behind;
     return replayed;
 }
 
