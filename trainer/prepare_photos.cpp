@@ -26,6 +26,10 @@ using Line = ColmapLine::Kind;
 
 constexpr std::size_t kLastLines = 8;  // told of a program that failed
 constexpr std::size_t kNamesTold = 10;
+constexpr double kFewFeatures = 400;  // of a photograph; two that overlap by a half then share some tens
+constexpr const char* kMapperAdvice =
+    "photographs may overlap too little, be blurred or too smooth; where not all pairs were matched, --matching "
+    "exhaustive finds more";
 
 /// Where things lie in the data set.
 struct Layout {
@@ -190,11 +194,9 @@ private:
         constexpr int kKilled = 9;
         const std::string how =
             end.signal ? "signal " + std::to_string(end.signal) : "exit code " + std::to_string(end.exit_code);
-        const char* advice = end.signal == kKilled         ? "memory may have run out: try --max-size 1000 or --threads 1"
-                             : command == "mapper"         ? "photographs may overlap too little or be blurred, see the "
-                                                             "log; --matching exhaustive finds more pairs"
-                             : command == "model_analyzer" ? ""
-                                                           : "see the log";
+        const char* advice = end.signal == kKilled ? "memory may have run out: try --max-size 1000 or --threads 1"
+                             : command == "mapper" ? kMapperAdvice
+                                                   : "see the log";
         throw DataError(log_path.string(), "that 'colmap " + command + "' ended with " + how, "a good end", advice);
     }
 
@@ -299,7 +301,7 @@ void placeCameras(Colmap& colmap, const Layout& layout, std::size_t n_photos, Re
     const std::vector<ColmapModel> models = listColmapModels(layout.models);
     if (models.empty())
         throw DataError((layout.colmap / "mapping.log").string(), "that 'colmap mapper' made no model", "at least one",
-                        "photographs may overlap too little or be blurred; --matching exhaustive finds more pairs");
+                        kMapperAdvice);
     const fs::path ordered = layout.colmap / "sparse";
     fs::remove_all(ordered);
     fs::create_directories(ordered);
@@ -410,6 +412,9 @@ PreparedPhotos prepare(const fs::path& images, const fs::path& out, const Prepar
         const auto begin = Clock::now();
         state.features = findFeatures(colmap, layout, options, result.plan, names.size(), report);
         state.has_features = true;
+        if (state.features > 0 && state.features < kFewFeatures)
+            report.warn("only " + std::to_string(static_cast<long long>(state.features)) +
+                        " features in a photograph: smooth, dark or blurred ones give COLMAP little to hold on to");
         writeState(layout.state, state);
         result.seconds.features = secondsSince(begin);
     }

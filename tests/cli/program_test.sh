@@ -371,18 +371,6 @@ test_prepare() {
     expect 2 prepare photos --out data --matching all
 }
 
-# The real COLMAP, where there is one, on pictures of the demo scene.
-test_colmap() {
-    if ! command -v colmap >/dev/null; then
-        echo "skipped: no colmap here"
-        exit 77
-    fi
-    expect 0 synth demo --out data --views 2 --val-views 0 --test-views 12 --width 240 --height 240 --no-truth
-    expect 0 prepare data/test --out prepared --json -
-    cat out err
-    [[ -s prepared/sparse/0/cameras.bin ]] || fail "no model"
-}
-
 # foreign_volume FILE PYTHON...: a volume as another program writes it; the words act on a FloatGrid `fog`.
 foreign_volume() {
     local file=$1
