@@ -51,7 +51,8 @@ Capture capture(Exposures& truth, int n_rays) {
 
 TrainOptions shortRun(ExposureMode mode) {
     TrainOptions options;
-    options.steps = {36, 40, 10, 6};
+    options.steps = {36, 30, 6};
+    options.bounds = Box{Vec3d::Constant(-1), Vec3d::Constant(1)};
     options.exposure = mode;
     return options;
 }
@@ -200,7 +201,6 @@ TEST_CASE("left to itself, training learns exposures where they differ and photo
     const Dataset equal = test::exposed(with_alpha, {});
     TrainOptions options = shortRun(ExposureMode::automatic);
     options.steps = {200, 1};  // the first stage decides
-    options.bounds = Box{Vec3d::Constant(-1), Vec3d::Constant(1)};
     const auto gains = [&](const Dataset& dataset, int stop) {
         StopAfter report(stop);
         return train(dataset, options, report, {}).gains.size();
