@@ -8,7 +8,6 @@ namespace nerfvdb {
 namespace {
 
 constexpr int kSamplesPerRound = 8;  // a ray that turns opaque has looked at most this far behind its last sample
-constexpr double kFarthest = 1e15;   // voxels from which rays are traced: there a double has steps of 1/8
 constexpr double kMostTauScale = 1e30;  // times exp(kMaxRaw) it is finite still
 // Rays whose kept weights sum to less show nothing; the inverse of the sum, times a gradient, might overflow.
 constexpr float kLeastWeight = 1e-30f;
@@ -70,7 +69,7 @@ void RayTracer::addRay(const TraceScene& scene, const Ray& ray, float step_voxel
         t_leave = std::min(t_leave, std::max(a, b));
     }
     const int r = n_rays_++;
-    const bool hits = t_leave > t_enter && std::isfinite(t_leave) && t_enter < kFarthest;
+    const bool hits = t_leave > t_enter && std::isfinite(t_leave);
     const Vec3d entry = origin + ray.direction * (hits ? t_enter : 0.0);
     ox_[r] = static_cast<float>(entry.x()), dx_[r] = static_cast<float>(ray.direction.x());
     oy_[r] = static_cast<float>(entry.y()), dy_[r] = static_cast<float>(ray.direction.y());
