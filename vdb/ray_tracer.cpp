@@ -10,7 +10,6 @@ namespace nerfvdb {
 namespace {
 
 constexpr int kSamplesPerRound = 8;  // a ray that turns opaque has looked at most this far behind its last sample
-constexpr double kFarthest = 1e15;   // voxels from which rays are traced: there a double has steps of 1/8
 constexpr double kMostTauScale = 1e30;  // times exp(kMaxRaw) it is finite still
 // Rays whose kept weights sum to less show nothing; the inverse of the sum, times a gradient, might overflow.
 constexpr float kLeastWeight = 1e-30f;
