@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Points on the image plane at unit distance are called `plane` here: x right, y down, as lens models and
-// pixels have them; the camera frame's y is up, so y changes sign between the two.
+// Lens models have y down and z forward, the camera frame y up and z backward: both change sign between the two.
 #include "core/camera.h"
 
 #include <Eigen/Geometry>
 #include <Eigen/LU>
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <numbers>
 #include <sstream>
 
 #include "core/error.h"
@@ -16,71 +18,14 @@ namespace {
 /// A rotation printed with four digits is off by 1e-4; a pose that is scaled by 1 % is a different camera.
 constexpr double kRigidTolerance = 1e-3;
 
-struct Distorted {
-    Vec2d point;
-    Eigen::Matrix2d jacobian;  // d point / d plane
-};
-
-Distorted distort(const Distortion& d, const Vec2d& plane) {
-    const double x = plane.x(), y = plane.y();
-    const double r2 = x * x + y * y;
-    const double radial = 1 + r2 * (d.k1 + r2 * (d.k2 + r2 * d.k3));
-    const double dradial_dr2 = d.k1 + r2 * (2 * d.k2 + r2 * 3 * d.k3);
-
-    Distorted out;
-    out.point.x() = x * radial + 2 * d.p1 * x * y + d.p2 * (r2 + 2 * x * x);
-    out.point.y() = y * radial + d.p1 * (r2 + 2 * y * y) + 2 * d.p2 * x * y;
-    const double cross = 2 * x * y * dradial_dr2 + 2 * d.p1 * x + 2 * d.p2 * y;
-    out.jacobian << radial + 2 * x * x * dradial_dr2 + 2 * d.p1 * y + 6 * d.p2 * x, cross,  //
-        cross, radial + 2 * y * y * dradial_dr2 + 6 * d.p1 * y + 2 * d.p2 * x;
-    return out;
-}
-
-/// True if the distorted radius r (1 + k1 r^2 + k2 r^4 + k3 r^6) grows all the way from 0 to this r^2.
-/// Beyond the first turning point the lens model folds back: distant directions would land in the picture.
-bool growsUpTo(const Distortion& d, double r2) {
-    const auto slope = [&](double u) { return 1 + u * (3 * d.k1 + u * (5 * d.k2 + u * 7 * d.k3)); };
-    if (!(slope(r2) > 0)) return false;
-
-    // The slope's own extremes: 3 k1 + 10 k2 u + 21 k3 u^2 = 0.
-    const double a = 21 * d.k3, b = 10 * d.k2, c = 3 * d.k1;
-    const auto turnsBefore = [&](double u) { return u > 0 && u < r2 && !(slope(u) > 0); };
-    if (a == 0) return b == 0 || !turnsBefore(-c / b);
-    const double discriminant = b * b - 4 * a * c;
-    if (discriminant < 0) return true;
-    const double root = std::sqrt(discriminant);
-    return !turnsBefore((-b - root) / (2 * a)) && !turnsBefore((-b + root) / (2 * a));
-}
-
-/// Inverse of distort by Newton's method; quadratic, so a dozen steps reach machine precision wherever the
-/// model does not fold.
-Vec2d undistort(const Distortion& d, const Vec2d& distorted) {
-    Vec2d plane = distorted;
-    for (int i = 0; i < 30; ++i) {
-        const Distorted at = distort(d, plane);
-        const Vec2d step = at.jacobian.inverse() * (distorted - at.point);
-        if (!step.allFinite()) break;
-        plane += step;
-        if (step.squaredNorm() < 1e-32 * (1 + plane.squaredNorm())) break;
-    }
-    return plane;
-}
-
-Vec2d planeFromPixel(const Camera& camera, double px, double py) {
-    const Vec2d distorted((px - camera.cx) / camera.fx, (py - camera.cy) / camera.fy);
-    return camera.distortion.isZero() ? distorted : undistort(camera.distortion, distorted);
-}
-
 /// Walks the image's border, where distortion is strongest, and looks for pixels that no direction reaches.
 bool foldsInsideImage(const Camera& camera) {
     constexpr int kPointsPerEdge = 32;
     const auto isBad = [&](double px, double py) {
-        const Vec2d plane = planeFromPixel(camera, px, py);
-        const Distorted at = distort(camera.distortion, plane);
-        const Vec2d pixel(camera.cx + camera.fx * at.point.x(), camera.cy + camera.fy * at.point.y());
+        const Vec2d place((px - camera.cx) / camera.fx, (py - camera.cy) / camera.fy);
+        const std::optional<Vec2d> back = distort(camera.distortion, undistort(camera.distortion, place));
         // A thousandth of a pixel: Newton either converges far below this or not at all.
-        return !((pixel - Vec2d(px, py)).norm() < 1e-3) || !(at.jacobian.determinant() > 0) ||
-               !growsUpTo(camera.distortion, plane.squaredNorm());
+        return !back || !((*back - place).cwiseProduct(Vec2d(camera.fx, camera.fy)).norm() < 1e-3);
     };
     for (int i = 0; i <= kPointsPerEdge; ++i) {
         const double x = static_cast<double>(camera.width) * i / kPointsPerEdge;
@@ -93,21 +38,38 @@ bool foldsInsideImage(const Camera& camera) {
 }  // namespace
 
 Ray cameraRay(const Camera& camera, double px, double py) {
-    const Vec2d plane = planeFromPixel(camera, px, py);
-    const Vec3d in_camera(plane.x(), -plane.y(), -1.0);
+    const Vec3d seen = undistort(camera.distortion, {(px - camera.cx) / camera.fx, (py - camera.cy) / camera.fy});
+    const Vec3d in_camera(seen.x(), -seen.y(), -seen.z());
     return {camera.position, (camera.world_from_camera * in_camera).normalized()};
 }
 
 std::optional<Vec2d> projectPoint(const Camera& camera, const Vec3d& point_in_world) {
     const Vec3d in_camera = camera.world_from_camera.transpose() * (point_in_world - camera.position);
-    const double depth = -in_camera.z();
-    if (!(depth > 0)) return std::nullopt;
-    Vec2d plane(in_camera.x() / depth, -in_camera.y() / depth);
-    if (!camera.distortion.isZero()) {
-        if (!growsUpTo(camera.distortion, plane.squaredNorm())) return std::nullopt;
-        plane = distort(camera.distortion, plane).point;
+    const auto place = distort(camera.distortion, {in_camera.x(), -in_camera.y(), -in_camera.z()});
+    if (!place) return std::nullopt;
+    return Vec2d(camera.cx + camera.fx * place->x(), camera.cy + camera.fy * place->y());
+}
+
+std::optional<PixelDisc> projectSphere(const Camera& camera, const Vec3d& center_in_world, double radius) {
+    const Vec3d offset = center_in_world - camera.position;
+    const double along_axis = -camera.world_from_camera.col(2).dot(offset);
+    const double focal = std::max(camera.fx, camera.fy);
+    if (camera.distortion.model == LensModel::perspective) {
+        if (!(along_axis > 1.5 * radius)) return std::nullopt;
+        const std::optional<Vec2d> pixel = projectPoint(camera, center_in_world);
+        if (!pixel) return std::nullopt;
+        return PixelDisc{*pixel, focal * radius / (along_axis - radius) + 1};
     }
-    return Vec2d(camera.cx + camera.fx * plane.x(), camera.cy + camera.fy * plane.y());
+    const double distance = offset.norm();
+    if (!(distance > 1.5 * radius)) return std::nullopt;
+    const std::optional<Vec2d> pixel = projectPoint(camera, center_in_world);
+    if (!pixel) return std::nullopt;
+    // An equidistant lens stretches circles about its axis by theta / sin(theta), without bound straight behind.
+    const double angle = std::asin(radius / distance);
+    const double theta = std::acos(std::clamp(along_axis / distance, -1.0, 1.0)) + angle;
+    const double whole_image = (*pixel - Vec2d(camera.cx, camera.cy)).norm() + camera.width + camera.height;
+    const double stretched = focal * angle * std::max(1.0, theta / std::sin(theta)) + 1;
+    return PixelDisc{*pixel, theta < std::numbers::pi ? std::min(stretched, whole_image) : whole_image};
 }
 
 std::string cameraProblem(const Camera& camera) {
@@ -123,9 +85,14 @@ std::string cameraProblem(const Camera& camera) {
     if (!focal_is_good) complain() << "focal length (" << camera.fx << ", " << camera.fy << ") is not positive";
     const bool centre_is_good = std::isfinite(camera.cx) && std::isfinite(camera.cy);
     if (!centre_is_good) complain() << "principal point is not finite";
-    const bool lens_is_good = std::isfinite(d.k1) && std::isfinite(d.k2) && std::isfinite(d.k3) &&
-                              std::isfinite(d.p1) && std::isfinite(d.p2);
-    if (!lens_is_good) complain() << "lens distortion is not finite";
+    const std::array lens_terms{d.k1, d.k2, d.k3, d.p1, d.p2, d.k4, d.k5, d.k6};
+    bool lens_is_good = std::all_of(lens_terms.begin(), lens_terms.end(), [](double k) { return std::isfinite(k); });
+    if (!lens_is_good) {
+        complain() << "lens distortion is not finite";
+    } else if (d.model == LensModel::fisheye && (d.p1 != 0 || d.p2 != 0 || d.k5 != 0 || d.k6 != 0)) {
+        lens_is_good = false;
+        complain() << "a fisheye lens with p1, p2, k5 or k6, which its model has not";
+    }
 
     if (!camera.position.allFinite() || !camera.world_from_camera.allFinite()) {
         complain() << "pose is not finite";

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// Cameras as photographs have them: pinhole plus OPENCV lens distortion, and a rigid pose.
+// Cameras as photographs have them: a perspective or fisheye lens with its distortion, and a rigid pose.
 // The camera frame is OpenGL's: +x right, +y up, looks along -z.
 #pragma once
 
 #include <optional>
 #include <string>
 
+#include "core/lens.h"
 #include "core/types.h"
 
 namespace nerfvdb {
@@ -14,14 +15,6 @@ namespace nerfvdb {
 struct Ray {
     Vec3d origin = Vec3d::Zero();
     Vec3d direction = Vec3d(0, 0, -1);
-};
-
-/// Brown-Conrady lens model as in OpenCV: with r^2 = x^2 + y^2 of the undistorted point (x right, y down),
-///   x_d = x (1 + k1 r^2 + k2 r^4 + k3 r^6) + 2 p1 x y + p2 (r^2 + 2 x^2)
-///   y_d = y (1 + k1 r^2 + k2 r^4 + k3 r^6) + p1 (r^2 + 2 y^2) + 2 p2 x y
-struct Distortion {
-    double k1 = 0, k2 = 0, k3 = 0, p1 = 0, p2 = 0;
-    bool isZero() const { return k1 == 0 && k2 == 0 && k3 == 0 && p1 == 0 && p2 == 0; }
 };
 
 /// x_in_world = world_from_camera * x_in_camera + position.
@@ -35,16 +28,27 @@ struct Camera {
     Vec3d position = Vec3d::Zero();               // world units
 };
 
-/// The ray through pixel coordinates (px, py), lens distortion undone by Newton's method.
+/// The ray through pixel coordinates (px, py), lens distortion undone by Newton's method. A fisheye's may look back.
 Ray cameraRay(const Camera& camera, double px, double py);
 
-/// Pixel coordinates of a world point, or nothing when it is not in front of the camera, or so far off the axis
-/// that the lens model folds back (it would land among pixels that never saw it).
-/// The pixel may lie outside the image.
+/// Pixel coordinates of a world point, or nothing when no light from it passes the lens (see distort): behind a
+/// perspective camera, or so far off the axis that the lens model folds back (it would land among pixels that never
+/// saw it). The pixel may lie outside the image.
 std::optional<Vec2d> projectPoint(const Camera& camera, const Vec3d& point_in_world);
 
-/// Every complaint about a camera: non-finite or non-rigid pose, focal length or size not positive, a
-/// distortion that folds inside the image. Empty when it is usable.
+/// Pixels outside of which no point of a sphere is seen: those within `radius` of `center`, pixels.
+struct PixelDisc {
+    Vec2d center;
+    double radius;
+};
+
+/// Where a small sphere may be seen. Nothing when it cannot be, or when it is so near (its centre less than 1.5 radii
+/// before the camera) that its outline is no small circle. What distortion, or a perspective far off its axis, adds to
+/// its size is not counted.
+std::optional<PixelDisc> projectSphere(const Camera& camera, const Vec3d& center_in_world, double radius);
+
+/// Every complaint about a camera: non-finite or non-rigid pose, focal length or size not positive, terms that its
+/// lens model has not, pixels that no direction reaches since the lens folds inside the image. Empty when it is usable.
 std::string cameraProblem(const Camera& camera);
 
 /// The same camera with an image of another size, principal point and focal lengths scaled with it.

@@ -13,8 +13,9 @@
 #   --size PERCENT    size of the picture for --render [100]
 #   --save FILE.blend
 #
-# Lens distortion cannot be said to Blender's cameras: they are pinholes. Where photographs have it, a warning is
-# printed, and each camera carries the numbers as properties: undistort plates before lining them up.
+# The cameras made here are pinholes, without lens distortion, and without what a fisheye sees beyond a pinhole's reach.
+# Where photographs have either, a warning is printed, and each camera carries the numbers as properties: undistort
+# plates before lining them up.
 import argparse
 import json
 import math
@@ -148,6 +149,9 @@ def import_volumes(world):
 # --- the cameras ----------------------------------------------------------------------------------------------------
 
 
+LENS_TERMS = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
+
+
 def add_camera(frame, number, world, corners):
     name = frame["file_path"] or f"camera {number}"
     data = bpy.data.cameras.new(name)
@@ -166,8 +170,9 @@ def add_camera(frame, number, world, corners):
     farthest = max((corner - camera.matrix_basis.translation).length for corner in corners)
     data.clip_start, data.clip_end = 1e-4 * farthest, 1.1 * farthest
     data.display_size = 0.03 * farthest
-    for key in ("w", "h", "fl_x", "fl_y", "cx", "cy", "k1", "k2", "k3", "p1", "p2"):
-        camera[key] = frame[key]
+    for key in ("camera_model", "w", "h", "fl_x", "fl_y", "cx", "cy") + LENS_TERMS:
+        if key in frame:
+            camera[key] = frame[key]
     return camera
 
 
@@ -186,7 +191,8 @@ def add_cameras(world, volumes, plates):
     if not SCENE["cameras"]:
         return []
     with open(os.path.join(folder(), SCENE["cameras"]), encoding="utf-8") as file:
-        frames = json.load(file)["frames"]
+        document = json.load(file)
+    frames = [{"camera_model": document["camera_model"], **frame} for frame in document["frames"]]
     corners = [volume.matrix_basis @ Vector(corner) for volume in volumes for corner in volume.bound_box]
     groups = {False: collection("Photographs")}
     if any(frame["held_out"] for frame in frames):
@@ -197,7 +203,11 @@ def add_cameras(world, volumes, plates):
         groups[frame["held_out"]].objects.link(cameras[-1])
         if plates and frame["file_path"]:
             add_plate(cameras[-1], os.path.join(plates, frame["file_path"]))
-    distorted = sum(any(frame[key] for key in ("k1", "k2", "k3", "p1", "p2")) for frame in frames)
+    fisheyes = sum(frame["camera_model"] == "OPENCV_FISHEYE" for frame in frames)
+    if fisheyes:
+        print(f"warning: {fisheyes} photographs are a fisheye's, where cameras here are pinholes: undistort plates")
+    distorted = sum(frame["camera_model"] != "OPENCV_FISHEYE" and any(frame.get(key) for key in LENS_TERMS)
+                    for frame in frames)
     if distorted:
         print(f"warning: {distorted} photographs have lens distortion, which cameras here do not: undistort plates")
     return cameras

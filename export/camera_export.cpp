@@ -20,23 +20,39 @@ Json matrixRows(const Mat3d& linear, const Vec3d& translation) {
     return rows;
 }
 
-Json frameOf(const ModelCamera& entry, const Similarity& placement) {
+/// As nerfstudio and COLMAP call it. OPENCV is the least that tells of all flaws.
+const char* modelName(const Distortion& d) {
+    if (d.model == LensModel::fisheye) return "OPENCV_FISHEYE";
+    return d.k4 != 0 || d.k5 != 0 || d.k6 != 0 ? "FULL_OPENCV" : "OPENCV";
+}
+
+Json frameOf(const ModelCamera& entry, const Similarity& placement, const std::string& file_model) {
     const Camera camera = placement.apply(entry.camera);
     const Distortion& d = camera.distortion;
-    return {{"file_path", entry.name},
-            {"held_out", entry.held_out},
-            {"w", camera.width},
-            {"h", camera.height},
-            {"fl_x", camera.fx},
-            {"fl_y", camera.fy},
-            {"cx", camera.cx},
-            {"cy", camera.cy},
-            {"k1", d.k1},
-            {"k2", d.k2},
-            {"k3", d.k3},
-            {"p1", d.p1},
-            {"p2", d.p2},
-            {"transform_matrix", matrixRows(camera.world_from_camera, camera.position)}};
+    const std::string model = modelName(d);
+    Json frame = {{"file_path", entry.name},
+                  {"held_out", entry.held_out},
+                  {"w", camera.width},
+                  {"h", camera.height},
+                  {"fl_x", camera.fx},
+                  {"fl_y", camera.fy},
+                  {"cx", camera.cx},
+                  {"cy", camera.cy}};
+    if (model != file_model) frame["camera_model"] = model;
+    frame["k1"] = d.k1;
+    frame["k2"] = d.k2;
+    frame["k3"] = d.k3;
+    if (model != "OPENCV") frame["k4"] = d.k4;
+    if (model == "FULL_OPENCV") {
+        frame["k5"] = d.k5;
+        frame["k6"] = d.k6;
+    }
+    if (model != "OPENCV_FISHEYE") {
+        frame["p1"] = d.p1;
+        frame["p2"] = d.p2;
+    }
+    frame["transform_matrix"] = matrixRows(camera.world_from_camera, camera.position);
+    return frame;
 }
 
 std::string textOf(const Json& json) {
@@ -52,17 +68,22 @@ std::string textOf(const Json& json) {
 void writeCamerasJson(const std::filesystem::path& path, std::span<const ModelCamera> cameras,
                       const Similarity& placement) {
     Json frames = Json::array(), trained_on = Json::array(), held_out = Json::array();
-    bool all_have_names = true, any_distorted = false;
+    const std::string file_model = cameras.empty() ? "OPENCV" : modelName(cameras.front().camera.distortion);
+    bool all_have_names = true, any_distorted = false, any_fisheye = false;
     for (const ModelCamera& entry : cameras) {
-        frames.push_back(frameOf(entry, placement));
+        frames.push_back(frameOf(entry, placement, file_model));
         (entry.held_out ? held_out : trained_on).push_back(entry.name);
         all_have_names &= !entry.name.empty();
         any_distorted |= !entry.camera.distortion.isZero();
+        any_fisheye |= entry.camera.distortion.model == LensModel::fisheye;
     }
-    Json document = {{"camera_model", "OPENCV"},
+    Json document = {{"camera_model", file_model},
                      {"exported_from_model", matrixRows(placement.scale * placement.rotation, placement.translation)}};
-    if (any_distorted)
-        document["warning"] = "photographs have lens distortion (k1 ... p2), which Blender's cameras cannot show: "
+    if (any_fisheye)
+        document["warning"] = "photographs were taken with a fisheye lens (OPENCV_FISHEYE), which the pinholes that "
+                              "stand for them in Blender cannot show: undistort plates before lining them up";
+    else if (any_distorted)
+        document["warning"] = "photographs have lens distortion (k1 ...), which Blender's cameras cannot show: "
                               "undistort plates before lining them up";
     if (all_have_names) {
         document["train_filenames"] = trained_on;

@@ -14,8 +14,9 @@
 namespace nerfvdb {
 
 /// Writes cameras as instant-ngp and nerfstudio have them (and readTransforms reads them, once photographs lie beside):
-/// per frame file_path, w, h, fl_x, fl_y, cx, cy, k1, k2, k3, p1, p2, transform_matrix (exported world from camera,
-/// OpenGL axes, rigid); train_filenames and test_filenames, unless a camera has no name; exported_from_model, the
+/// camera_model, OPENCV, FULL_OPENCV or OPENCV_FISHEYE, for the file and for each frame of another; per frame file_path,
+/// w, h, fl_x, fl_y, cx, cy, those of k1, k2, k3, k4, k5, k6, p1, p2 that its model has, transform_matrix (exported world
+/// from camera, OpenGL axes, rigid); train_filenames and test_filenames, unless a camera has no name; exported_from_model, the
 /// 4x4 matrix of `placement`, whose scale is in the positions of the cameras and not in their axes.
 /// Throws IoError.
 void writeCamerasJson(const std::filesystem::path& path, std::span<const ModelCamera> cameras,

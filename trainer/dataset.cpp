@@ -11,6 +11,8 @@
 #include "core/photo_cache.h"
 #include "trainer/downscale.h"
 #include "trainer/mask.h"
+#include "trainer/read_colmap.h"
+#include "trainer/read_llff.h"
 #include "trainer/read_transforms.h"
 
 namespace nerfvdb {
@@ -27,11 +29,12 @@ void checkPositionsDiffer(const Dataset& dataset) {
         spread = std::max(spread, (view.camera.position - first).norm());
         magnitude = std::max(magnitude, view.camera.position.norm());
     }
-    // Poses are printed with six digits or more: a smaller spread is rounding.
-    if (spread <= 1e-6 * magnitude)
-        throw DataError(dataset.root.string() + ": transform_matrix",
+    // Five metres in map coordinates of 5e6 m are a scene. A double's rounding, through a rotation or two, is not.
+    if (spread <= 1e-12 * magnitude)
+        throw DataError(dataset.root.string() + ": camera positions",
                         "all " + std::to_string(dataset.views.size()) + " cameras in one point",
-                        "cameras that look from different places", "check the poses' last column");
+                        "cameras that look from different places",
+                        "check the poses (in a transform_matrix, the last column)");
 }
 
 /// Returns whether the mask had another size.
@@ -123,11 +126,24 @@ void loadPhotos(Dataset& dataset, const DatasetOptions& options, Report& report)
     tellOfMasks(dataset, was_scaled, report);
 }
 
+/// Cameras and paths, by whichever reader knows what is there.
+Dataset readFrames(const std::filesystem::path& path, Split split, const DatasetOptions& options) {
+    if (!std::filesystem::exists(path))
+        throw IoError(path.string(), "no such file or folder", "a data set", "check the name");
+    if (hasTransforms(path)) return readTransforms(path, split, options.strict, options.check_poses);
+    if (hasColmap(path)) return readColmap(path, split, options.strict);
+    if (hasLlff(path)) return readLlff(path, split);
+    throw DataError(path.string(), "no data set that is known",
+                    "transforms_train.json or transforms.json (NeRF-synthetic, instant-ngp, nerfstudio), sparse/0, sparse, "
+                    "colmap/sparse/0 or cameras.bin or .txt (COLMAP), or poses_bounds.npy (LLFF)",
+                    "name the folder that holds one of them");
+}
+
 }  // namespace
 
 Dataset readDataset(const std::filesystem::path& path, Split split, const DatasetOptions& options,
                     Report& report) {
-    Dataset dataset = readTransforms(path, split, options.strict, options.check_poses);
+    Dataset dataset = readFrames(path, split, options);
     for (const std::string& warning : dataset.warnings) report.warn(warning);
     if (split == Split::train && options.check_poses) checkPositionsDiffer(dataset);
     if (options.downscale > 1) downscaleCameras(dataset, options.downscale);

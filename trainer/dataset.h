@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Posed photographs in memory, as every trainer and evaluation sees them; which format they came from is
-// forgotten here. Readers: read_transforms.h.
+// forgotten here. Readers: read_transforms.h, read_colmap.h, read_llff.h.
 #pragma once
 
 #include <filesystem>
@@ -15,13 +15,19 @@
 
 namespace nerfvdb {
 
+/// Depths along a camera's axis between which all that it saw lies, world units, 0 < near < far.
+struct DepthRange {
+    double near = 0, far = 0;
+};
+
 /// One frame: where it was taken and what it shows. `photo` and `mask` are empty unless photos were asked for.
 struct View {
     Camera camera;
     std::filesystem::path path;
     Photo photo;
-    std::filesystem::path mask_path = {};  // as the data set names it; else findMask looks for one
-    PixelMask mask = {};                   // of the photo's size; empty: every pixel counts
+    std::filesystem::path mask_path = {};        // as the data set names it; else findMask looks for one
+    PixelMask mask = {};                         // of the photo's size; empty: every pixel counts
+    std::optional<DepthRange> depth_range = {};  // where the data set tells (LLFF)
 };
 
 enum class Split { train, val, test };
@@ -33,6 +39,7 @@ struct Dataset {
     std::vector<View> views;
     bool has_alpha = false;               // any image's header says so
     std::optional<double> aabb_scale;     // as in the file (instant-ngp); see sceneBoxFromAabbScale
+    std::vector<Vec3d> points;            // sparse, of what at least two photographs show; world units (COLMAP)
     std::vector<std::string> warnings;    // for a person, also sent to the Report
 };
 
@@ -46,8 +53,9 @@ struct DatasetOptions {
     std::filesystem::path cache_folder = {};           // ... there
 };
 
-/// Reads a split of a data set: a folder with transforms_{train,val,test}.json (NeRF-synthetic; any of these
-/// files stands for the folder), a folder with transforms.json, or a JSON file of that kind itself. An absent
+/// Reads a split of a data set, from what its folder holds; the first of these that is there:
+/// transforms_{train,val,test}.json (NeRF-synthetic; any of these files, or a JSON file of another name, stands for the
+/// folder) or transforms.json, COLMAP's sparse model (read_colmap.h), LLFF's poses_bounds.npy (read_llff.h). An absent
 /// val split falls back to test, with a warning.
 /// Throws DataError / IoError naming file and field, Interrupted when the report is cancelled between photos.
 /// What is wrong does not depend on threads: of several bad photos or masks the first is named.

@@ -23,7 +23,8 @@ std::string viewHash(const View& view) {
     const Camera& c = view.camera;
     const Distortion& d = c.distortion;
     std::vector<double> numbers = {static_cast<double>(c.width), static_cast<double>(c.height)};
-    numbers.insert(numbers.end(), {c.fx, c.fy, c.cx, c.cy, d.k1, d.k2, d.k3, d.p1, d.p2});
+    numbers.insert(numbers.end(), {c.fx, c.fy, c.cx, c.cy, d.k1, d.k2, d.k3, d.p1, d.p2, d.k4, d.k5, d.k6,
+                                   static_cast<double>(d.model)});
     numbers.insert(numbers.end(), c.world_from_camera.data(), c.world_from_camera.data() + 9);
     numbers.insert(numbers.end(), c.position.data(), c.position.data() + 3);
     return contentHash(std::as_bytes(std::span(numbers))) +

@@ -5,7 +5,6 @@
 #include <string>
 
 #include "core/error.h"
-#include "trainer/read_transforms.h"
 
 namespace nerfvdb {
 namespace {
@@ -33,7 +32,9 @@ std::vector<ModelCamera> modelCameras(const Dataset& dataset, bool held_out) {
 
 std::vector<ModelCamera> heldOutCameras(const std::filesystem::path& path, Report& report) {
     try {
-        return modelCameras(readTransforms(path, Split::test, /*strict=*/false), /*held_out=*/true);
+        Report silent;  // what there is to warn of was said of the training split
+        return modelCameras(readDataset(path, Split::test, {.strict = false, .load_photos = false}, silent),
+                            /*held_out=*/true);
     } catch (const Error& error) {
         report.info(std::string("no held-out views: ") + error.what());
         return {};

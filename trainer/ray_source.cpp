@@ -42,19 +42,20 @@ void RaySource::update(const VoxelField& field, const Occupancy& occupancy) {
         std::vector<std::uint8_t> is_live(static_cast<std::size_t>(tiles_x) * tiles_y, 0);
         bool all = false;
         for (const auto& [center, radius] : spheres) {
-            const double depth = -camera.world_from_camera.col(2).dot(center - camera.position);
-            if (depth < -radius) continue;
-            const std::optional<Vec2d> pixel = depth > 1.5 * radius ? projectPoint(camera, center) : std::nullopt;
-            if (!pixel) {
-                // So near the camera that it may cover anything.
-                all = all || (center - camera.position).norm() < 3 * radius;
+            const std::optional<PixelDisc> disc = projectSphere(camera, center, radius);
+            if (!disc) {
+                // So near the camera that it may cover anything, unless it lies behind.
+                const Vec3d offset = center - camera.position;
+                all = all || (offset.norm() < 3 * radius && camera.world_from_camera.col(2).dot(offset) <= radius);
                 continue;
             }
-            const double r = radius * std::max(camera.fx, camera.fy) / (depth - radius) + 1;
-            const int x0 = std::max(0, static_cast<int>(std::floor((pixel->x() - r) / kTilePixels)));
-            const int x1 = std::min(tiles_x - 1, static_cast<int>(std::floor((pixel->x() + r) / kTilePixels)));
-            const int y0 = std::max(0, static_cast<int>(std::floor((pixel->y() - r) / kTilePixels)));
-            const int y1 = std::min(tiles_y - 1, static_cast<int>(std::floor((pixel->y() + r) / kTilePixels)));
+            const auto tileAt = [](double pixel, int lowest, int highest) {
+                return static_cast<int>(std::clamp<double>(std::floor(pixel / kTilePixels), lowest, highest));
+            };
+            const int x0 = tileAt(disc->center.x() - disc->radius, 0, tiles_x);
+            const int x1 = tileAt(disc->center.x() + disc->radius, -1, tiles_x - 1);
+            const int y0 = tileAt(disc->center.y() - disc->radius, 0, tiles_y);
+            const int y1 = tileAt(disc->center.y() + disc->radius, -1, tiles_y - 1);
             for (int y = y0; y <= y1; ++y)
                 for (int x = x0; x <= x1; ++x) is_live[static_cast<std::size_t>(y) * tiles_x + x] = 1;
         }

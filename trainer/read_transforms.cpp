@@ -7,25 +7,12 @@
 
 #include "core/error.h"
 #include "trainer/json_node.h"
+#include "trainer/posed_frames.h"
 
 namespace nerfvdb {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr int kHoldOutEvery = 8;  // of a file without splits, frames 0, 8, 16, ... are for testing
-
-const char* nameOf(Split split) {
-    switch (split) {
-        case Split::train:
-            return "train";
-        case Split::val:
-            return "val";
-        case Split::test:
-            return "test";
-    }
-    return "";
-}
 
 fs::path splitFile(const fs::path& folder, Split split) {
     return folder / (std::string("transforms_") + nameOf(split) + ".json");
@@ -68,44 +55,35 @@ Source findSource(const fs::path& named, Split split, std::vector<std::string>& 
                     "transforms_" + std::string(nameOf(split)) + ".json", "choose another split");
 }
 
-/// One entry of "frames", and the image that belongs to it if there is one.
-struct Frame {
-    std::size_t index = 0;  // in the file
-    std::string file_path;  // as written there
-    fs::path image;
-    bool has_image = false;
-};
-
 /// The named file, or the same with an extension that the JSON left out.
-Frame findImage(const JsonNode& frame, std::size_t index, const fs::path& folder) {
+ListedFrame findImage(const JsonNode& frame, std::size_t index, const fs::path& folder) {
     const JsonNode node = frame.at("file_path");
     const std::string file_path = node.text();
-    const fs::path relative = fs::path(file_path).lexically_normal();
-    if (relative.empty() || relative.is_absolute() || *relative.begin() == "..")
-        node.fail("'" + file_path + "'", "a path inside the data folder");
+    const std::optional<fs::path> relative = pathInside(file_path);
+    if (!relative) node.fail("'" + file_path + "'", "a path inside the data folder");
 
     for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".exr", ".PNG", ".JPG", ".JPEG", ".EXR"}) {
-        fs::path image = folder / relative;
+        fs::path image = folder / *relative;
         image += extension;
         if (fs::is_regular_file(image)) return {index, file_path, image, true};
     }
-    fs::path expected = folder / relative;
+    fs::path expected = folder / *relative;
     if (!expected.has_extension()) expected += ".png";
     return {index, file_path, expected, false};
 }
 
 /// The frames that a list such as nerfstudio's "train_filenames" names.
-std::vector<Frame> selectNamed(const std::vector<Frame>& frames, const JsonNode& names) {
+std::vector<ListedFrame> selectNamed(const std::vector<ListedFrame>& frames, const JsonNode& names) {
     std::set<std::string> wanted;
     for (std::size_t i = 0; i < names.arraySize(); ++i) wanted.insert(names.element(i).text());
-    std::vector<Frame> selected;
+    std::vector<ListedFrame> selected;
     std::copy_if(frames.begin(), frames.end(), std::back_inserter(selected),
-                 [&](const Frame& frame) { return wanted.count(frame.file_path) > 0; });
+                 [&](const ListedFrame& frame) { return wanted.count(frame.name) > 0; });
     return selected;
 }
 
-std::vector<Frame> selectSplit(const std::vector<Frame>& frames, const JsonNode& document, Split split,
-                               std::vector<std::string>& warnings, const fs::path& file) {
+std::vector<ListedFrame> selectSplit(const std::vector<ListedFrame>& frames, const JsonNode& document, Split split,
+                                     std::vector<std::string>& warnings, const fs::path& file) {
     const bool has_lists = document.has("train_filenames") || document.has("test_filenames");
     if (has_lists) {
         std::string key = std::string(nameOf(split)) + "_filenames";
@@ -115,36 +93,45 @@ std::vector<Frame> selectSplit(const std::vector<Frame>& frames, const JsonNode&
         }
         return selectNamed(frames, document.at(key.c_str()));
     }
-    std::vector<Frame> selected;
-    for (std::size_t i = 0; i < frames.size(); ++i)
-        if ((i % kHoldOutEvery == 0) == (split != Split::train)) selected.push_back(frames[i]);
-    return selected;
+    return everyEighthHeldOut(frames, split);
 }
 
 /// What a file or a frame says about the lens; a frame's words go over the file's.
 struct Lens {
     std::optional<double> w, h, fl_x, fl_y, cx, cy, angle_x, angle_y;
     Distortion distortion;
+    bool is_rational = false;  // says FULL_OPENCV
 };
 
-void checkLensModel(const JsonNode& node) {
+void readLensModel(const JsonNode& node, Lens& lens) {
     if (node.has("camera_model")) {
         const std::string model = node.at("camera_model").text();
-        static const std::set<std::string> kSupported{"OPENCV",        "PINHOLE", "SIMPLE_PINHOLE",
-                                                      "SIMPLE_RADIAL", "RADIAL",  "PERSPECTIVE"};
-        if (kSupported.count(model) == 0)
-            node.at("camera_model").fail("'" + model + "'", "OPENCV or PINHOLE", "undistort the images first");
+        static const std::set<std::string> kPerspective{"OPENCV",        "PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE",
+                                                        "SIMPLE_RADIAL", "RADIAL",  "FULL_OPENCV"};
+        static const std::set<std::string> kFisheye{"OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE"};
+        if (kPerspective.count(model) + kFisheye.count(model) == 0)
+            node.at("camera_model")
+                .fail("'" + model + "'", "PINHOLE, OPENCV, FULL_OPENCV or OPENCV_FISHEYE", "undistort the images first");
+        lens.distortion.model = kFisheye.count(model) > 0 ? LensModel::fisheye : LensModel::perspective;
+        lens.is_rational = model == "FULL_OPENCV";
     }
-    if (node.has("is_fisheye") && node.at("is_fisheye").isTrue())
-        node.at("is_fisheye").fail("true", "a perspective camera", "undistort the images first");
-    for (const char* key : {"k4", "k5", "k6"})
-        if (node.has(key) && node.at(key).number() != 0)
-            node.at(key).fail(std::to_string(node.at(key).number()), "0: k1 k2 k3 p1 p2 are supported",
-                              "undistort the images first");
+    if (node.has("is_fisheye") && node.at("is_fisheye").isTrue()) lens.distortion.model = LensModel::fisheye;
+}
+
+/// What only file and frame together can get wrong.
+void checkLens(const JsonNode& frame, const Lens& lens) {
+    const Distortion& d = lens.distortion;
+    const bool is_fisheye = d.model == LensModel::fisheye;
+    if (!is_fisheye && d.k4 != 0 && d.k5 == 0 && d.k6 == 0 && !lens.is_rational)
+        frame.fail("k4 of " + std::to_string(d.k4) + " without a camera_model that has it",
+                   "FULL_OPENCV (a denominator's r^2) or OPENCV_FISHEYE (theta^9)",
+                   "name the model; where k4 is meant for r^8, as nerfstudio has it, undistort the images first");
+    if (is_fisheye && !lens.fl_x && !lens.fl_y)
+        frame.fail("a fisheye lens without fl_x", "its focal length in pixels");
 }
 
 Lens readLens(const JsonNode& node, Lens lens) {
-    checkLensModel(node);
+    readLensModel(node, lens);
     const auto read = [&](const char* key, std::optional<double>& value) {
         if (node.has(key)) value = node.at(key).number();
     };
@@ -168,27 +155,19 @@ Lens readLens(const JsonNode& node, Lens lens) {
 
     Distortion& d = lens.distortion;
     const std::pair<const char*, double*> terms[] = {
-        {"k1", &d.k1}, {"k2", &d.k2}, {"k3", &d.k3}, {"p1", &d.p1}, {"p2", &d.p2}};
+        {"k1", &d.k1}, {"k2", &d.k2}, {"k3", &d.k3}, {"k4", &d.k4},
+        {"k5", &d.k5}, {"k6", &d.k6}, {"p1", &d.p1}, {"p2", &d.p2}};
     for (const auto& [key, value] : terms)
         if (node.has(key)) *value = node.at(key).number();
     return lens;
 }
 
-std::string sizeText(double width, double height) {
-    const auto text = [](double v) {
-        return v == std::round(v) ? std::to_string(std::llround(v)) : std::to_string(v);
-    };
-    return text(width) + "x" + text(height);
-}
-
 /// Intrinsics for the image at hand. The numbers belong to the w x h that the JSON states.
-Camera intrinsics(const Lens& lens, const JsonNode& frame, const Frame& source, const ImageHeader& image) {
+Camera intrinsics(const Lens& lens, const JsonNode& frame, const ListedFrame& source, const ImageHeader& image) {
     const int width = image.width, height = image.height;
     const double w = lens.w.value_or(lens.h ? *lens.h * width / height : width);
     const double h = lens.h.value_or(w * height / width);
-    // A smaller version is rounded to whole pixels; by how much depends on who rounds.
-    const double tolerance = std::max(1.0, width / w);
-    if (std::abs(height - h * width / w) > tolerance && std::abs(width - w * height / h) > tolerance)
+    if (!isSameAspect(w, h, width, height))
         frame.at("file_path")
             .fail(source.image.string() + " of " + sizeText(width, height) + " pixels",
                   sizeText(w, h) + " (w, h) or another size of that aspect", "use the images that were posed");
@@ -229,16 +208,11 @@ void readPose(const JsonNode& matrix, Camera& camera) {
     }
 }
 
-/// The nearest rotation of an almost-rotation (polar factor by Newton-Schulz: an error e becomes about e^2).
-Mat3d nearestRotation(Mat3d rotation) {
-    for (int i = 0; i < 4; ++i)
-        rotation = 0.5 * rotation * (3 * Mat3d::Identity() - rotation.transpose() * rotation);
-    return rotation;
-}
-
-Camera readCamera(const JsonNode& frame, const Lens& file_lens, const Frame& source, const ImageHeader& image,
+Camera readCamera(const JsonNode& frame, const Lens& file_lens, const ListedFrame& source, const ImageHeader& image,
                   bool check_pose) {
-    Camera camera = intrinsics(readLens(frame, file_lens), frame, source, image);
+    const Lens lens = readLens(frame, file_lens);
+    checkLens(frame, lens);
+    Camera camera = intrinsics(lens, frame, source, image);
     readPose(frame.at("transform_matrix"), camera);
     const std::string problem = cameraProblem(camera);
     if (!problem.empty() && !check_pose) return camera;
@@ -249,22 +223,16 @@ Camera readCamera(const JsonNode& frame, const Lens& file_lens, const Frame& sou
     return camera;
 }
 
-/// Removes the frames whose image is absent. Many data sets list a few that were never shipped.
-void dropAbsent(std::vector<Frame>& frames, const fs::path& file, bool strict,
-                std::vector<std::string>& warnings) {
-    const std::size_t n_listed = frames.size();
-    const auto first_absent =
-        std::find_if(frames.begin(), frames.end(), [](const Frame& frame) { return !frame.has_image; });
-    if (first_absent == frames.end()) return;
-    const fs::path example = first_absent->image;
-    std::erase_if(frames, [](const Frame& frame) { return !frame.has_image; });
-
-    const std::string absent = std::to_string(n_listed - frames.size()) + " of " + std::to_string(n_listed) +
-                               " frames without an image (first: " + example.string() + ")";
-    const std::string where = file.string() + ": frames";
-    if (strict) throw DataError(where, absent, "an image for every frame", "add them or leave out --strict");
-    if (2 * frames.size() < n_listed) throw DataError(where, absent, "at least half of the images");
-    warnings.push_back(where + ": " + absent + " are left out");
+/// Where a frame's mask lies, or nothing. One that is named and absent would let in what it was to hide.
+fs::path namedMask(const JsonNode& frame, const fs::path& folder) {
+    if (!frame.has("mask_path")) return {};
+    const JsonNode node = frame.at("mask_path");
+    const std::string name = node.text();
+    const std::optional<fs::path> relative = pathInside(name);
+    if (!relative) node.fail("'" + name + "'", "a path inside the data folder");
+    if (!fs::is_regular_file(folder / *relative))
+        node.fail("no file " + (folder / *relative).string(), "the frame's mask", "add it, or remove the key");
+    return folder / *relative;
 }
 
 }  // namespace
@@ -285,15 +253,15 @@ Dataset readTransforms(const fs::path& path, Split split, bool strict, bool chec
     const Lens lens = readLens(document, {});
 
     const JsonNode list = document.at("frames");
-    std::vector<Frame> frames;
+    std::vector<ListedFrame> frames;
     for (std::size_t i = 0; i < list.arraySize(); ++i)
         frames.push_back(findImage(list.element(i), i, source.file.parent_path()));
 
     // Absent images go first, so that every 8th is counted among those that exist.
-    dropAbsent(frames, source.file, strict, dataset.warnings);
+    dropAbsent(frames, source.file.string() + ": frames", strict, dataset.warnings);
     if (!source.is_split_file) {
         std::stable_sort(frames.begin(), frames.end(),
-                         [](const Frame& a, const Frame& b) { return a.file_path < b.file_path; });
+                         [](const ListedFrame& a, const ListedFrame& b) { return a.name < b.name; });
         frames = selectSplit(frames, document, split, dataset.warnings, source.file);
     }
     if (frames.empty())
@@ -301,10 +269,15 @@ Dataset readTransforms(const fs::path& path, Split split, bool strict, bool chec
                       std::to_string(list.arraySize()) + " listed)",
                   "at least one");
 
-    for (const Frame& frame : frames) {
+    for (const ListedFrame& frame : frames) {
         const ImageHeader image = readImageHeader(frame.image);
         dataset.has_alpha |= image.has_alpha;
-        dataset.views.push_back({readCamera(list.element(frame.index), lens, frame, image, check_poses), frame.image, {}});
+        const JsonNode node = list.element(frame.index);
+        View view;
+        view.camera = readCamera(node, lens, frame, image, check_poses);
+        view.path = frame.image;
+        view.mask_path = namedMask(node, source.file.parent_path());
+        dataset.views.push_back(std::move(view));
     }
     return dataset;
 }

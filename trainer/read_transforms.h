@@ -15,12 +15,15 @@ bool hasTransforms(const std::filesystem::path& path);
 ///
 /// Keys, each for the whole file or for one frame: w, h, fl_x, fl_y, cx, cy (pixels of the w x h image; scaled
 /// when the image at hand has another size of the same aspect), camera_angle_x, camera_angle_y (rad; used
-/// without fl_*), k1 k2 k3 p1 p2 (OpenCV), camera_model (pinhole or OPENCV). For the file: aabb_scale,
-/// train_filenames, val_filenames, test_filenames (nerfstudio). For a frame: file_path (relative; the extension
-/// may be left out), transform_matrix (world from camera, OpenGL axes, rigid; cleaned of rounding).
+/// without fl_*), camera_model (PINHOLE, OPENCV and what it contains, FULL_OPENCV, OPENCV_FISHEYE; see Distortion),
+/// is_fisheye (instant-ngp), k1 ... k6, p1, p2 as the model has them. For the file: aabb_scale, train_filenames,
+/// val_filenames, test_filenames (nerfstudio). For a frame: file_path (relative; the extension may be left out),
+/// mask_path (relative), transform_matrix (world from camera, OpenGL axes, rigid; cleaned of rounding).
+/// Known and not used: applied_transform and applied_scale (poses have them applied already, and the world is the
+/// file's), depth_file_path, ply_file_path.
 ///
 /// Throws DataError naming file and field: absent keys, values that make no camera, lens models that are not
-/// supported, a size that contradicts the image, a file_path outside the folder, an empty split, fewer than
+/// supported, a size that contradicts the image, paths outside the folder, an absent mask, an empty split, fewer than
 /// half of the images present (with `strict`: any absent).
 /// Without `check_poses`, cameras that cameraProblem() complains about come as they are written.
 Dataset readTransforms(const std::filesystem::path& path, Split split, bool strict, bool check_poses = true);

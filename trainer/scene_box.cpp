@@ -42,13 +42,13 @@ enum class Sight { unseen, partly, empty, filled };
 
 /// What a view says about a sphere.
 Sight lookAtSphere(const Camera& camera, const AlphaTable* alpha, const Vec3d& center, double radius) {
-    const double depth = -(camera.world_from_camera.transpose() * (center - camera.position)).z();
-    const std::optional<Vec2d> pixel = projectPoint(camera, center);
-    if (!pixel) return depth > -radius ? Sight::partly : Sight::unseen;
-    if (depth <= 1.5 * radius) return Sight::partly;  // so near that its outline is no small circle
-    const double r = radius * std::max(camera.fx, camera.fy) / (depth - radius) + 1;
-    const int x0 = static_cast<int>(std::floor(pixel->x() - r)), x1 = static_cast<int>(std::ceil(pixel->x() + r));
-    const int y0 = static_cast<int>(std::floor(pixel->y() - r)), y1 = static_cast<int>(std::ceil(pixel->y() + r));
+    const std::optional<PixelDisc> disc = projectSphere(camera, center, radius);
+    if (!disc) return Sight::partly;  // so near that its outline is no small circle, or out of sight
+    const auto inReach = [](double pixel, int size) { return static_cast<int>(std::clamp(pixel, -1.0, size + 1.0)); };
+    const int x0 = inReach(std::floor(disc->center.x() - disc->radius), camera.width);
+    const int x1 = inReach(std::ceil(disc->center.x() + disc->radius), camera.width);
+    const int y0 = inReach(std::floor(disc->center.y() - disc->radius), camera.height);
+    const int y1 = inReach(std::ceil(disc->center.y() + disc->radius), camera.height);
     if (x1 <= 0 || y1 <= 0 || x0 >= camera.width || y0 >= camera.height) return Sight::unseen;
     if (x0 < 0 || y0 < 0 || x1 > camera.width || y1 > camera.height) return Sight::partly;
     if (alpha && alpha->count(x0, y0, x1, y1) == 0) return Sight::empty;

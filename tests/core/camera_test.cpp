@@ -31,6 +31,10 @@ Camera phoneCamera() {
     return camera;
 }
 
+Distortion fisheyeOf(double k1, double k2, double k3, double k4) {
+    return {k1, k2, k3, 0, 0, k4, 0, 0, LensModel::fisheye};
+}
+
 double unitRandom(std::uint64_t index) {
     return unitFloat(static_cast<std::uint32_t>(randomBits(7, 0, index)));
 }
@@ -66,13 +70,17 @@ TEST_CASE("the lens model is OpenCV's", "[core]") {
 
 TEST_CASE("projecting a point on a pixel's ray gives the pixel back", "[core]") {
     Camera camera = phoneCamera();
-    const int kind = GENERATE(0, 1, 2, 3);
+    const int kind = GENERATE(0, 1, 2, 3, 4, 5, 6);
     if (kind == 0) camera.distortion = {};
     if (kind == 2) camera.distortion = {-0.25, 0.06, 0, 0.002, -0.001};  // a barrel, as of an action camera
     if (kind == 3) camera.distortion = {0.3, 0.1, 0.05, 0, 0};           // a cushion
+    if (kind == 4) camera.distortion = {0.9, 0.4, 0.01, 0.001, -0.001, 0.95, 0.7, 0.1};      // rational
+    if (kind == 5) camera.distortion = fisheyeOf(-0.03, 0.004, -0.001, 0.0002);
+    if (kind == 6) camera.distortion = fisheyeOf(0.02, 0.001, 0, 0), camera.fx = camera.fy = 500;  // corners at 120 degrees
     REQUIRE(cameraProblem(camera).empty());
 
     double worst = 0;
+    int backward = 0;
     for (int i = 0; i < 1000; ++i) {
         const double px = camera.width * unitRandom(3 * i), py = camera.height * unitRandom(3 * i + 1);
         const Ray ray = cameraRay(camera, px, py);
@@ -81,7 +89,9 @@ TEST_CASE("projecting a point on a pixel's ray gives the pixel back", "[core]") 
             projectPoint(camera, ray.origin + (0.1 + 10 * unitRandom(3 * i + 2)) * ray.direction);
         REQUIRE(pixel);
         worst = std::max(worst, (*pixel - Vec2d(px, py)).norm());
+        backward += ray.direction.dot(camera.world_from_camera.col(2)) > 0;
     }
+    CHECK((backward > 100) == (kind == 6));
     // Coordinates of 2000 pixels carry 2000 * 2^-53 = 2e-13 px of rounding per operation; about 30 operations.
     CHECK(worst < 1e-11);
 }
@@ -104,6 +114,35 @@ TEST_CASE("points behind the camera or beyond the lens's fold have no pixel", "[
     camera.distortion = {-1.0, 0.3, 0.1, 0, 0};
     CHECK(projectPoint(camera, Vec3d(0.5, 0, -1)));
     CHECK_FALSE(projectPoint(camera, Vec3d(1.5, 0, -1)));
+}
+
+TEST_CASE("a sphere is seen inside its disc of pixels", "[core]") {
+    Camera camera = phoneCamera();
+    const bool is_fisheye = GENERATE(false, true);
+    if (is_fisheye) camera.distortion = fisheyeOf(0, 0, 0, 0), camera.fx = camera.fy = 400;
+    if (!is_fisheye) camera.distortion = {}, camera.fx = camera.fy = 3000;  // near the axis a perspective's circles are round
+    int behind = 0;
+    for (int i = 0; i < 300; ++i) {
+        const Ray ray = cameraRay(camera, camera.width * unitRandom(5 * i), camera.height * unitRandom(5 * i + 1));
+        const double radius = 0.3, distance = 0.7 + 5 * unitRandom(5 * i + 2);
+        const Vec3d center = ray.origin + distance * ray.direction;
+        const auto disc = projectSphere(camera, center, radius);
+        REQUIRE(disc);
+        behind += ray.direction.dot(camera.world_from_camera.col(2)) > 0;
+        double farthest = 0;
+        for (int j = 0; j < 100; ++j) {
+            const Vec3d normal = Vec3d(unitRandom(9000 + 3 * j) - 0.5, unitRandom(9001 + 3 * j) - 0.5,
+                                       unitRandom(9002 + 3 * j) - 0.5).normalized();
+            const auto pixel = projectPoint(camera, center + radius * normal);
+            if (pixel) farthest = std::max(farthest, (*pixel - disc->center).norm());
+        }
+        CHECK(farthest <= disc->radius * (is_fisheye ? 1.0 : 1.05));
+        CHECK((farthest > 0.3 * disc->radius || disc->radius > 1000));  // and is not much smaller
+    }
+    CHECK((behind > 30) == is_fisheye);
+    const Vec3d forward = -camera.world_from_camera.col(2);
+    CHECK_FALSE(projectSphere(camera, camera.position + 1.4 * forward, 1));
+    if (!is_fisheye) CHECK_FALSE(projectSphere(camera, camera.position - 5 * forward, 1));
 }
 
 TEST_CASE("complaints about cameras name what is wrong", "[core]") {
@@ -148,6 +187,21 @@ TEST_CASE("complaints about cameras name what is wrong", "[core]") {
     SECTION("folding lens") {
         camera.distortion.k1 = -2;
         CHECK_THAT(cameraProblem(camera), Contains("folds"));
+        camera.distortion = {0, 0, 0, 0, 0, /*k4=*/2};
+        CHECK_THAT(cameraProblem(camera), Contains("folds"));
+        camera.distortion = fisheyeOf(-0.6, 0.12, 0, 0);
+        CHECK_THAT(cameraProblem(camera), Contains("folds"));
+        camera.distortion = fisheyeOf(0, 0, 0, 0);
+        CHECK(cameraProblem(camera).empty());
+        camera.fx = camera.fy = 300;  // corners at 1103 / 300 = 3.7 rad: beyond straight behind
+        CHECK_THAT(cameraProblem(camera), Contains("folds"));
+    }
+    SECTION("terms of another model") {
+        camera.distortion = {0, 0, 0, 0.01, 0, 0, 0, 0, LensModel::fisheye};
+        CHECK_THAT(cameraProblem(camera), Contains("fisheye lens with p1"));
+        camera.distortion = {};
+        camera.distortion.k6 = kNaN;
+        CHECK_THAT(cameraProblem(camera), Contains("distortion is not finite"));
     }
 }
 

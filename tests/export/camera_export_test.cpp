@@ -27,6 +27,8 @@ std::vector<ModelCamera> someCameras() {
         entry.camera.cx += 1.25 * i;
         entry.camera.cy -= 0.75 * i;
         if (i == 1) entry.camera.distortion = {0.02, -0.01, 0.001, 1e-3, -2e-3};
+        if (i == 2) entry.camera.distortion = {0.1, 0.02, 0.003, 1e-4, -2e-4, 0.11, 0.01, 0.001};
+        if (i == 4) entry.camera.distortion = {0.1, 0.02, 0.003, 0, 0, -0.001, 0, 0, LensModel::fisheye};
         entry.held_out = i > 2;
         cameras.push_back(entry);
     }
@@ -66,7 +68,9 @@ TEST_CASE("exported cameras read as a data set whose pictures are the same") {
         }
     }
     const std::string json = readFile(folder / "volume.cameras.json");
-    CHECK_THAT(json, Contains("\"warning\": \"photographs have lens distortion"));
+    CHECK_THAT(json, Contains("\"warning\": \"photographs were taken with a fisheye lens (OPENCV_FISHEYE), which the pinholes"));
+    CHECK(json.find("\"camera_model\": \"OPENCV\"") < json.find("\"frames\""));
+    CHECK(json.find("\"camera_model\": \"OPENCV_FISHEYE\"") > json.find("\"camera_model\": \"FULL_OPENCV\""));
     CHECK_THAT(json, Contains("\"exported_from_model\""));
 
     writeCamerasJson(folder / "again.json", cameras, placement);
@@ -77,7 +81,9 @@ TEST_CASE("cameras without distortion, names or held-out views leave out what do
     const TempDir folder;
     std::vector<ModelCamera> cameras = someCameras();
     cameras.resize(3);
-    cameras[1].camera.distortion = {};
+    writeCamerasJson(folder / "distorted.json", cameras, {});
+    CHECK_THAT(readFile(folder / "distorted.json"), Contains("\"warning\": \"photographs have lens distortion"));
+    cameras[1].camera.distortion = cameras[2].camera.distortion = {};
     writeCamerasJson(folder / "a.json", cameras, {});
     CHECK_THAT(readFile(folder / "a.json"), !Contains("warning") && Contains("train_filenames"));
     CHECK_THAT(readFile(folder / "a.json"), !Contains("test_filenames"));

@@ -23,8 +23,9 @@ TEST_CASE("the hash of a data set tells apart whatever training would see") {
     for (double Camera::*field : {&Camera::fx, &Camera::fy, &Camera::cx, &Camera::cy})
         CHECK(is_new([&](View& view) { view.camera.*field += 1e-9; }));
     using D = Distortion;
-    for (double D::*field : {&D::k1, &D::k2, &D::k3, &D::p1, &D::p2})
+    for (double D::*field : {&D::k1, &D::k2, &D::k3, &D::p1, &D::p2, &D::k4, &D::k5, &D::k6})
         CHECK(is_new([&](View& view) { view.camera.distortion.*field += 1e-9; }));
+    CHECK(is_new([](View& view) { view.camera.distortion.model = LensModel::fisheye; }));
     for (int i = 0; i < 9; ++i)
         CHECK(is_new([&](View& view) { view.camera.world_from_camera.data()[i] += 1e-9; }));
     for (int i = 0; i < 3; ++i) CHECK(is_new([&](View& view) { view.camera.position[i] += 1e-9; }));

@@ -9,6 +9,7 @@
 #include "tests/support/catch.h"
 #include "tests/support/data.h"
 #include "tests/support/temp_dir.h"
+#include "tests/trainer/colmap_scene.h"
 #include "tests/trainer/scene_folder.h"
 #include "trainer/dataset_hash.h"
 #include "trainer/synthetic_scene.h"
@@ -96,8 +97,51 @@ TEST_CASE("cameras that all stand in one point are refused for training", "[trai
     scene.save("transforms_test.json");
     Report report;
     CHECK_THROWS_WITH(readDataset(scene.dir.path(), Split::train, {}, report),
-                      Contains("transform_matrix") && Contains("all 3 cameras in one point"));
+                      Contains("camera positions") && Contains("all 3 cameras in one point"));
     CHECK_NOTHROW(readDataset(scene.dir.path(), Split::test, {}, report));  // a turning head is fine to look at
+}
+
+TEST_CASE("a scene in map coordinates is a scene", "[trainer]") {
+    Report report;
+    for (const double far : {5e6, 1e7}) {
+        SceneFolder scene(3);  // cameras on a ring of 4 m
+        for (int i = 0; i < 3; ++i)
+            for (int r = 0; r < 2; ++r)
+                scene.frame(i)["transform_matrix"][r][3] = scene.frame(i)["transform_matrix"][r][3].get<double>() + far;
+        scene.save("transforms_train.json");
+        CHECK(readDataset(scene.dir.path(), Split::train, {}, report).views.size() == 3);
+        // One point stays one, whatever rounding its way through a rotation brings.
+        for (int i = 0; i < 3; ++i)
+            for (int r = 0; r < 3; ++r) scene.frame(i)["transform_matrix"][r][3] = far + 1e-9 * i;
+        scene.save("transforms_train.json");
+        CHECK_THROWS_AS(readDataset(scene.dir.path(), Split::train, {}, report), DataError);
+    }
+}
+
+TEST_CASE("the reader goes by what the folder holds", "[trainer]") {
+    Report report;
+    const auto focalLength = [&](const TempDir& dir) {
+        return readDataset(dir.path(), Split::train, {.load_photos = false}, report).views[0].camera.fx;
+    };
+    ColmapScene colmap;
+    CHECK_THROWS_AS(readDataset(colmap.dir / "absent", Split::train, {}, report), IoError);
+    CHECK_THROWS_WITH(readDataset(colmap.dir.path(), Split::train, {}, report),
+                      Contains("transforms.json") && Contains("sparse/0") && Contains("poses_bounds.npy"));
+    colmap.savePhotos();
+    writeAtomically(colmap.dir / "poses_bounds.npy", "not looked at");
+    colmap.saveText();
+    CHECK(focalLength(colmap.dir) == 31);
+    SceneFolder scene(2);
+    scene.save();
+    CHECK(focalLength(scene.dir) == 15);
+    std::filesystem::create_directory(scene.dir / "sparse");
+    writeAtomically(scene.dir / "sparse/cameras.bin", "not looked at");
+    CHECK(focalLength(scene.dir) == 15);
+    std::filesystem::remove(scene.dir / "transforms.json");
+    CHECK_THROWS_WITH(focalLength(scene.dir), Contains("images.bin"));
+    std::filesystem::remove_all(scene.dir / "sparse");
+    writeAtomically(scene.dir / "poses_bounds.npy", "looked at");
+    CHECK_THROWS_WITH(focalLength(scene.dir), Contains("poses_bounds.npy: found no .npy"));
 }
 
 TEST_CASE("instant-ngp's box", "[trainer]") {

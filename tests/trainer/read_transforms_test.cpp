@@ -129,6 +129,51 @@ TEST_CASE("a frame's own intrinsics go over the file's", "[trainer]") {
     CHECK(train.views[2].camera.fx == Approx(40.0));
 }
 
+TEST_CASE("lens models of the file and of a frame", "[trainer]") {
+    SceneFolder scene(9);
+    scene.document["camera_model"] = "FULL_OPENCV";
+    const char* terms[] = {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"};
+    for (int i = 0; i < 8; ++i) scene.document[terms[i]] = 0.001 * (i + 1);
+    scene.frame(2)["camera_model"] = "OPENCV_FISHEYE";
+    for (const char* term : {"k5", "k6", "p1", "p2"}) scene.frame(2)[term] = 0;
+    scene.frame(3)["k4"] = 0.05;
+    scene.frame(4) = scene.frame(2);
+    scene.frame(4)["is_fisheye"] = true;
+    scene.frame(4)["camera_model"] = "PINHOLE";  // is_fisheye knows better
+    scene.save();
+    const Dataset train = readTransforms(scene.dir.path(), Split::train, true);
+    const Distortion& plain = train.views[0].camera.distortion;
+    CHECK(plain.model == LensModel::perspective);
+    CHECK(plain.k3 == 0.003);
+    CHECK(plain.k4 == 0.004);
+    CHECK(plain.k5 == 0.005);
+    CHECK(plain.k6 == 0.006);
+    CHECK(plain.p2 == 0.008);
+    CHECK(train.views[1].camera.distortion.model == LensModel::fisheye);
+    CHECK(train.views[1].camera.distortion.k4 == 0.004);
+    CHECK(train.views[1].camera.distortion.k5 == 0);
+    CHECK(train.views[2].camera.distortion.k4 == 0.05);
+    CHECK(train.views[3].camera.distortion.model == LensModel::fisheye);
+
+    // k5 makes a model rational without saying so.
+    scene.document.erase("camera_model");
+    CHECK_NOTHROW((scene.save(), readTransforms(scene.dir.path(), Split::train, true)));
+}
+
+TEST_CASE("masks are named, what does not matter is passed by", "[trainer]") {
+    SceneFolder scene(9);
+    scene.frame(2)["mask_path"] = "images/100.png";
+    scene.frame(3)["depth_file_path"] = "absent.exr";
+    scene.document["ply_file_path"] = "absent.ply";
+    scene.document["applied_transform"] = {{0, 1, 0, 0}, {1, 0, 0, 0}, {0, 0, -1, 0}};
+    scene.document["applied_scale"] = 3;
+    scene.save();
+    const Dataset train = readTransforms(scene.dir.path(), Split::train, true);
+    CHECK(train.views[0].mask_path.empty());
+    CHECK(train.views[1].mask_path == scene.dir / "images/100.png");
+    CHECK((train.views[1].camera.position - ringCamera(2, 9, 20, 10).position).norm() < 1e-14);
+}
+
 TEST_CASE("intrinsics follow images of another size", "[trainer]") {
     SceneFolder scene(2);
     scene.document["w"] = 41;  // half of 41 x 20 is 20 x 10 after rounding down
@@ -234,11 +279,32 @@ TEST_CASE("what makes no camera is named by file and field", "[trainer]") {
         {"angle", [](SceneFolder& s) { s.document["camera_angle_x"] = 44.0; }, {"camera_angle_x", "radians"}},
         {"text for a number", [](SceneFolder& s) { s.document["cx"] = "ten"; }, {"cx: found \"ten\""}},
         {"negative size", [](SceneFolder& s) { s.document["w"] = -20; }, {"w: found -20"}},
-        {"fisheye",
-         [](SceneFolder& s) { s.document["camera_model"] = "OPENCV_FISHEYE"; },
-         {"camera_model", "OPENCV_FISHEYE", "undistort"}},
-        {"fisheye flag", [](SceneFolder& s) { s.document["is_fisheye"] = true; }, {"is_fisheye"}},
-        {"fourth term", [](SceneFolder& s) { s.document["k4"] = 0.1; }, {"k4"}},
+        {"panorama",
+         [](SceneFolder& s) { s.document["camera_model"] = "EQUIRECTANGULAR"; },
+         {"camera_model: found 'EQUIRECTANGULAR'", "OPENCV_FISHEYE", "undistort"}},
+        {"a frame's panorama",
+         [](SceneFolder& s) { s.frame(1)["camera_model"] = "VR180_L"; },
+         {"frames[1].camera_model"}},
+        {"fisheye with p1",
+         [](SceneFolder& s) {
+             s.document["is_fisheye"] = true;
+             s.document["p1"] = 0.1;
+         },
+         {"frames[1]", "fisheye lens with p1"}},
+        {"fisheye with an angle",
+         [](SceneFolder& s) {
+             s.document["camera_model"] = "OPENCV_FISHEYE";
+             s.frame(1)["camera_angle_x"] = 1.0;
+             s.frame(1)["camera_angle_y"] = 1.0;
+         },
+         {"frames[1]", "without fl_x"}},
+        {"upward mask",
+         [](SceneFolder& s) { s.frame(1)["mask_path"] = "../mask.png"; },
+         {"frames[1].mask_path", "inside the data folder"}},
+        {"absent mask",
+         [](SceneFolder& s) { s.frame(1)["mask_path"] = "masks/101.png"; },
+         {"frames[1].mask_path", "no file", "masks/101.png"}},
+        {"fourth term", [](SceneFolder& s) { s.document["k4"] = 0.1; }, {"frames[1]", "k4", "FULL_OPENCV"}},
         {"folding lens", [](SceneFolder& s) { s.document["k1"] = -3.0; }, {"frames[1]", "folds"}},
         {"upward",
          [](SceneFolder& s) { s.frame(1)["file_path"] = "images/../../secret.png"; },

@@ -22,6 +22,8 @@ std::vector<ModelCamera> someCameras(int count = 7) {
         entry.camera = lookAt({3 * std::cos(0.7 * i), 3 * std::sin(0.7 * i), 0.1 * i}, Vec3d::Zero(), Vec3d::UnitZ(),
                               0.7, 640, 480);
         if (i % 3 == 1) entry.camera.cx += 0.1 * i, entry.camera.distortion = {0.01 * i, -0.02, 0.003, 1e-4, -2e-4};
+        if (i == 5) entry.camera.distortion = {0.1, 0.02, 0.003, 1e-4, -2e-4, 0.11, 0.01, 0.001};
+        if (i == 6) entry.camera.distortion = {0.1, 0.02, 0.003, 0, 0, -0.001, 0, 0, LensModel::fisheye};
         entry.held_out = i + 1 == count;
         cameras.push_back(entry);
     }
@@ -32,6 +34,7 @@ bool sameCamera(const Camera& a, const Camera& b) {
     const Distortion &d = a.distortion, &e = b.distortion;
     return a.width == b.width && a.height == b.height && a.fx == b.fx && a.fy == b.fy && a.cx == b.cx &&
            a.cy == b.cy && d.k1 == e.k1 && d.k2 == e.k2 && d.k3 == e.k3 && d.p1 == e.p1 && d.p2 == e.p2 &&
+           d.k4 == e.k4 && d.k5 == e.k5 && d.k6 == e.k6 && d.model == e.model &&
            a.world_from_camera == b.world_from_camera && a.position == b.position;
 }
 
@@ -48,7 +51,7 @@ std::string refusal(const std::string& bytes) {
     return "no error";
 }
 
-constexpr std::size_t kFirstLens = 8, kLensBytes = 80;
+constexpr std::size_t kFirstLens = 16, kLensBytes = 105;
 
 }  // namespace
 
@@ -74,6 +77,32 @@ TEST_CASE("a lens that cameras share is written once") {
     cameras.back().camera.fx += 1;
     CHECK(encodeCameras(cameras).size() == two + kLensBytes);
     CHECK(two - one == one - kFirstLens - kLensBytes);
+}
+
+TEST_CASE("cameras as they were written before fisheyes load still") {
+    // Version 1: counts, a lens that ends with p2, a camera.
+    std::string bytes;
+    const auto add = [&](auto value) { bytes.append(reinterpret_cast<const char*>(&value), sizeof value); };
+    add(std::uint32_t{1}), add(std::uint32_t{1});
+    add(std::int32_t{640}), add(std::int32_t{480});
+    for (const double value : {500.0, 501.0, 320.0, 240.0, 0.01, -0.02, 0.003, 1e-4, -2e-4}) add(value);
+    add(std::uint32_t{0}), add(std::uint8_t{1});
+    for (const double value : {1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 4.0, 5.0, 6.0}) add(value);
+    add(std::uint32_t{5});
+    bytes += "a.png";
+    for (std::size_t size = 0; size < bytes.size(); ++size)
+        CHECK_THAT(refusal(bytes.substr(0, size)), Contains("m.vdb: nerfvdb_cameras"));
+
+    const std::vector<ModelCamera> cameras = decoded(bytes);
+    REQUIRE(cameras.size() == 1);
+    CHECK(cameras[0].name == "a.png");
+    CHECK(cameras[0].held_out);
+    Camera expected;
+    expected.width = 640, expected.height = 480;
+    expected.fx = 500, expected.fy = 501, expected.cx = 320, expected.cy = 240;
+    expected.distortion = {0.01, -0.02, 0.003, 1e-4, -2e-4};
+    expected.position = Vec3d(4, 5, 6);
+    CHECK(sameCamera(cameras[0].camera, expected));
 }
 
 TEST_CASE("cameras that are none, and names that tell of a machine, are not written") {
@@ -104,8 +133,11 @@ TEST_CASE("wrong bytes are refused, with the field and what was found") {
         return refusal(bytes);
     };
     const std::uint32_t many = 0xffffffffu;
-    CHECK_THAT(with(0, many), Contains("enough for 3 cameras with 4294967295 lenses"));
-    CHECK_THAT(with(4, many), Contains("enough for 4294967295 cameras"));
+    CHECK_THAT(with(8, many), Contains("enough for 3 cameras with 4294967295 lenses"));
+    CHECK_THAT(with(12, many), Contains("enough for 4294967295 cameras"));
+    CHECK_THAT(with(4, std::uint32_t{3}), Contains("nerfvdb_cameras.version: found 3, expected 2 or none; a newer nerfvdb"));
+    CHECK_THAT(with(kFirstLens + 104, std::uint8_t{2}), Contains("nerfvdb_cameras.lens_model: found 2, expected 0 or 1"));
+    CHECK_THAT(with(kFirstLens + 104, std::uint8_t{1}), !Contains("found"));  // without terms any lens is a fisheye
     CHECK_THAT(with(kFirstLens, std::int32_t{-640}), Contains("nerfvdb_cameras[0]: found image size -640x480"));
     CHECK_THAT(with(kFirstLens + 8, double{NAN}), Contains("nerfvdb_cameras[0]: found focal length"));
     CHECK_THAT(with(kFirstLens + 40, double{INFINITY}), Contains("distortion is not finite"));

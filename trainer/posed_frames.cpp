@@ -1,0 +1,94 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "trainer/posed_frames.h"
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+
+#include "core/error.h"
+
+namespace nerfvdb {
+
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr std::size_t kHoldOutEvery = 8;
+
+}  // namespace
+
+const char* nameOf(Split split) {
+    switch (split) {
+        case Split::train:
+            return "train";
+        case Split::val:
+            return "val";
+        case Split::test:
+            return "test";
+    }
+    return "";
+}
+
+std::optional<fs::path> pathInside(const std::string& name) {
+    const fs::path path = fs::path(name).lexically_normal();
+    if (path.empty() || path.is_absolute() || *path.begin() == ".." || name.find('\0') != name.npos) return std::nullopt;
+    return path;
+}
+
+bool isImageName(const fs::path& path) {
+    std::string extension = path.extension().string();
+    std::transform(extension.begin(), extension.end(), extension.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    return extension == ".png" || extension == ".jpg" || extension == ".jpeg" || extension == ".exr";
+}
+
+fs::path findImageFolder(const fs::path& root) {
+    for (const char* name : {"images", "images_2", "images_4", "images_8"})
+        if (fs::is_directory(root / name)) return root / name;
+    throw DataError(root.string(), "no folder 'images', 'images_2', 'images_4' or 'images_8'", "the posed photographs",
+                    "lay them there, or link to them");
+}
+
+void dropAbsent(std::vector<ListedFrame>& frames, const std::string& where, bool strict,
+                std::vector<std::string>& warnings) {
+    const std::size_t n_listed = frames.size();
+    const auto first_absent =
+        std::find_if(frames.begin(), frames.end(), [](const ListedFrame& frame) { return !frame.has_image; });
+    if (first_absent == frames.end()) return;
+    const fs::path example = first_absent->image;
+    std::erase_if(frames, [](const ListedFrame& frame) { return !frame.has_image; });
+
+    const std::string absent = std::to_string(n_listed - frames.size()) + " of " + std::to_string(n_listed) +
+                               " frames without an image (first: " + example.string() + ")";
+    if (strict) throw DataError(where, absent, "an image for every frame", "add them or leave out --strict");
+    if (2 * frames.size() < n_listed) throw DataError(where, absent, "at least half of the images");
+    warnings.push_back(where + ": " + absent + " are left out");
+}
+
+std::vector<ListedFrame> everyEighthHeldOut(const std::vector<ListedFrame>& frames, Split split) {
+    std::vector<ListedFrame> selected;
+    for (std::size_t i = 0; i < frames.size(); ++i)
+        if ((i % kHoldOutEvery == 0) == (split != Split::train)) selected.push_back(frames[i]);
+    return selected;
+}
+
+bool isSameAspect(double w, double h, int width, int height) {
+    // A smaller version is rounded to whole pixels; by how much depends on who rounds.
+    const double tolerance = std::max(1.0, width / w);
+    return std::abs(height - h * width / w) <= tolerance || std::abs(width - w * height / h) <= tolerance;
+}
+
+std::string sizeText(double width, double height) {
+    const auto text = [](double v) {
+        return v == std::round(v) ? std::to_string(std::llround(v)) : std::to_string(v);
+    };
+    return text(width) + "x" + text(height);
+}
+
+Mat3d nearestRotation(Mat3d rotation) {
+    for (int i = 0; i < 4; ++i)
+        rotation = 0.5 * rotation * (3 * Mat3d::Identity() - rotation.transpose() * rotation);
+    return rotation;
+}
+
+}  // namespace nerfvdb
