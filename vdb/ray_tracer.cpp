@@ -62,7 +62,7 @@ namespace {
 /// Where a line is inside a box, as distances along it.
 struct Interval {
     double begin = 0, end = std::numeric_limits<double>::infinity();
-    bool isEmpty() const { return !(end > begin && std::isfinite(end) && begin < kFarthest); }
+    bool isEmpty() const { return !(end > begin && std::isfinite(end)); }
 };
 
 Interval insideBox(const Vec3d& low, const Vec3d& high, const Vec3d& origin, const Vec3d& direction) {
