@@ -239,7 +239,7 @@ test_story() {
     grep -qE '^grid density: float, [1-9][0-9]* active voxels \(a preview, half the resolution\)$' out || fail "no grid: $(cat out)"
 
     expect 0 eval model.vdb data --split test --debug-ray 0:12:12 --json -
-    has_keys samples transmittance decoded color
+    has_keys out samples transmittance decoded color
     expect 0 eval model.vdb data --debug-ray 0:12:12
     says out "light left"
     expect 2 eval model.vdb data --debug-ray 0:9999:0
