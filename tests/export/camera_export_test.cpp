@@ -108,7 +108,8 @@ TEST_CASE("the Blender script knows the files beside it") {
     if (std::system("python3 -c pass > /dev/null 2>&1") == 0) {
         writeAtomically(folder / "check.py", R"(import ast, sys
 tree = ast.parse(open(sys.argv[1], encoding='utf-8').read())
-scene, = [ast.literal_eval(line.value) for line in tree.body if isinstance(line, ast.Assign)]
+scene, = [ast.literal_eval(line.value) for line in tree.body
+          if isinstance(line, ast.Assign) and line.targets[0].id == 'SCENE']
 assert scene == {'volumes': ['it\'s a "volume".vdb', 'b\\2.vdb'], 'cameras': 'ä.cameras.json',
                  'density': 'density', 'color': 'Cd', 'up': 'y'}, scene
 )");
