@@ -191,7 +191,9 @@ void Training::start() {
                          "allow more, or use fewer or smaller photographs");
     state_.field = VoxelField(std::move(topology), grid.frame, grid.shells, plan.channels,
                               kUnitsPerBox / box.size().maxCoeff());
-    const float initial_raw = isOpen() ? kOpenInitialRaw : kInitialRaw;
+    // Alpha says already what is not the scene: no fog hides anything, and there is no sky.
+    const bool has_sky = isOpen() && !dataset_.has_alpha;
+    const float initial_raw = has_sky ? kOpenInitialRaw : kInitialRaw;
     const Topology& cells = state_.field.topology();
     for (std::size_t leaf = 0; leaf < cells.leafCount(); ++leaf)
         for (int offset = 0; offset < kLeafVoxels; ++offset)
@@ -199,9 +201,8 @@ void Training::start() {
     state_.density_moment = HugeArray<float>(state_.field.density().size());
     state_.feature_moment = HugeArray<float>(state_.field.density().size());
     state_.seen.assign(cells.leafCount(), {});
-    if (isOpen()) state_.min_seen = kOpenMinSeen;
-    // Alpha says already what is not the scene.
-    if (isOpen() && !dataset_.has_alpha) state_.sky = Sky(kSkyWidth, meanColour(dataset_));
+    if (has_sky) state_.min_seen = kOpenMinSeen;
+    if (has_sky) state_.sky = Sky(kSkyWidth, meanColour(dataset_));
     place_.seed = options_.seed;
     place_.n_views = static_cast<int>(dataset_.views.size());
     place_.data_hash = datasetHash(dataset_);

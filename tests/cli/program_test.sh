@@ -203,7 +203,8 @@ test_synth() {
     says out '"alpha": true'
     expect 0 info data
     says out "val: none of its own; test serves"
-    ! grep -q warning out || fail "warned about nothing: $(cat out)"
+    says out "warning: only 15 views"
+    [[ $(grep -c warning out) -eq 1 ]] || fail "warned about nothing: $(cat out)"
 
     # A split's file stands for its folder.
     (cd data && expect 0 info transforms_test.json && says out "train: 12 views" && says out "test: 3 views")
