@@ -207,7 +207,7 @@ test_synth() {
     [[ $(grep -c warning out) -eq 1 ]] || fail "warned about nothing: $(cat out)"
 
     # A split's file stands for its folder.
-    (cd data && expect 0 info transforms_test.json && says out "train: 12 views" && says out "test: 3 views")
+    (cd data && expect 0 info transforms_test.json && says out "train: 12 of 48x48 views" && says out "test: 3 of 48x48 views")
 
     local name
     for name in shell thin glossy fog demo; do
