@@ -84,7 +84,7 @@ void describeSplit(const char* name, const Dataset& dataset, Description& out) {
 std::optional<Box> sceneBox(const std::filesystem::path& path, const Dataset& train, std::vector<std::string>& warnings) {
     Report silent;
     try {
-        if (!train.has_alpha) return findSceneBox(train, std::nullopt);
+        if (!train.has_alpha) return findSceneShells(train, std::nullopt).inner;
         return findSceneBox(readDataset(path, Split::train, {}, silent), std::nullopt);
     } catch (const Error& error) {
         warnings.push_back(std::string("training would find no box: ") + error.what());
@@ -166,7 +166,7 @@ Description describeDataset(const std::filesystem::path& path, const std::filesy
     std::optional<Box> box;
     if (train && report.unusable.empty()) box = sceneBox(path, *train, warnings);
     out.json["scene_box"] = box ? boxJson(*box) : Json(nullptr);
-    if (box) out.text += "scene box: " + boxText(*box) + "\n";
+    if (box) out.text += (train->has_alpha ? "scene box: " : "inner box of the open scene: ") + boxText(*box) + "\n";
 
     for (const std::string& warning : warnings) {
         out.json["warnings"].push_back(warning);

@@ -69,6 +69,31 @@ TEST_CASE("a checkpoint that is loaded and saved again repeats the file") {
     CHECK(readFile(dir / "a.ckpt") == readFile(dir / "b.ckpt"));
 }
 
+TEST_CASE("a checkpoint of an open scene keeps its shells and its sky, and goes on to the same file") {
+    const TempDir dir;
+    TrainOptions options = shortRun();
+    options.extent = SceneExtent::open;
+    Dataset opaque = sphere();
+    opaque.has_alpha = false;
+    StopAfter report(50);
+    REQUIRE(train(opaque, options, report, {}, dir / "a.ckpt").interrupted);
+    TrainState state;
+    TrainPlace place;
+    loadCheckpoint(dir / "a.ckpt", state, place);
+    CHECK(state.field.shells().count > 3);
+    CHECK(state.field.shells().fits(state.field.topology().dims()));
+    CHECK_FALSE(state.sky.isEmpty());
+    CHECK(state.sky_optimizer.count > 0);
+    saveCheckpoint(dir / "b.ckpt", state, place);
+    CHECK(readFile(dir / "a.ckpt") == readFile(dir / "b.ckpt"));
+
+    Report silent;
+    const TrainResult straight = train(opaque, options, silent, {});
+    const ThreadLimit other_threads(1);
+    const TrainResult resumed = train(opaque, options, silent, {}, dir / "a.ckpt", true);
+    CHECK(modelBytes(resumed, dir) == modelBytes(straight, dir));
+}
+
 TEST_CASE("a preset decides how much a voxel and the network hold, and a checkpoint keeps it") {
     struct Case {
         std::optional<Preset> preset;

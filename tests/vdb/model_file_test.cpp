@@ -16,6 +16,7 @@
 #include "core/parallel.h"
 #include "tests/support/catch.h"
 #include "tests/support/data.h"
+#include "tests/support/nested_field.h"
 #include "tests/support/shell_model.h"
 #include "tests/support/temp_dir.h"
 #include "vdb/value_steps.h"
@@ -126,6 +127,82 @@ TEST_CASE("the cameras of a model travel with it; an older file has none") {
     model.cameras[1].name = "/home/someone/train/r_1.png";
     CHECK_THROWS_AS(saveModel(model, folder / "a.vdb"), UsageError);
     CHECK(loadModel(folder / "a.vdb").cameras.size() == 3);
+}
+
+TEST_CASE("shells and a sky travel with a model, and other programs see a grid for each shell") {
+    const TempDir folder;
+    Model model;
+    model.field = test::nestedField(Vec3i(16, 8, 24), 3, 4);
+    test::setNested(model.field, [](const Vec3d& p) { return 0.5 * p.x() - p.y(); });
+    model.decoder = Decoder(4, 2);
+    model.sky = Sky(8, Vec3f(0.1f, 0.2f, 0.3f));
+    model.sky.values()[5] = 1.25f;
+    saveModel(model, folder / "a.vdb");
+    const Model loaded = loadModel(folder / "a.vdb");
+    saveModel(loaded, folder / "b.vdb");
+    const bool same_bytes = readFile(folder / "a.vdb") == readFile(folder / "b.vdb");
+    CHECK(same_bytes);
+
+    CHECK(loaded.field.shells().count == 3);
+    CHECK(loaded.field.shells().extent == Vec3i(16, 8, 24));
+    CHECK(loaded.field.shells().stride == model.field.shells().stride);
+    CHECK(sameMasks(model.field.topology().cells(), loaded.field.topology().cells()));
+    for (int shell = 0; shell < 3; ++shell)
+        CHECK((loaded.field.shellBox(shell).min - model.field.shellBox(shell).min).norm() == 0);
+    REQUIRE(loaded.sky.width() == 8);
+    CHECK(loaded.sky.values()[5] == 1.25f);
+    CHECK((loaded.sky.at(Vec3f(0, 0, -1).data()) - Vec3f(0.1f, 0.2f, 0.3f)).norm() < 0.005f);
+
+    openvdb::initialize();
+    openvdb::io::File file((folder / "a.vdb").string());
+    file.open(false);
+    const double sigma = 10 * std::exp(0.0);
+    for (int shell = 0; shell < 3; ++shell) {
+        const std::string name = shell == 0 ? "density" : "density_" + std::to_string(shell);
+        const auto grid = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid(name));
+        CHECK(grid->voxelSize().x() == Approx(0.05 * 2 * (1 << shell)));
+        // Density in world units, whatever the shell: each value is what ln sigma's slope says at its place.
+        std::size_t wrong = 0;
+        for (auto value = grid->cbeginValueOn(); value; ++value) {
+            const openvdb::Vec3d p = grid->indexToWorld(value.getCoord());
+            const Box box = model.field.shellBox(shell);
+            const double margin = 0.05 * (1 << shell);
+            const Vec3d at(p.x(), p.y(), p.z());
+            // Blocks of eight voxels that are all there, outside of the hole.
+            if (!Box{box.min, box.max - Vec3d::Constant(margin)}.contains(at)) continue;
+            if (shell > 0) {
+                const Box hole = model.field.shellBox(shell - 1);
+                if (Box{hole.min - Vec3d::Constant(margin), hole.max + Vec3d::Constant(margin)}.contains(at)) continue;
+            }
+            // Means of exponentials over voxels up to 0.2 apart, steps of 1/16 in raw density.
+            wrong += std::abs(*value / (sigma * std::exp(0.5 * p.x() - p.y())) - 1) > 0.08;
+        }
+        CHECK(wrong == 0);
+        CHECK(grid->activeVoxelCount() > 100);
+    }
+    CHECK(listGrids(folder / "a.vdb").size() == 3);
+}
+
+TEST_CASE("a model of format 2, of the time before shells, loads as one box without a sky") {
+    // Made of test::shellModel(8, 4) with a decoder 8 wide and a camera by the last program that wrote the format.
+    const Model loaded = loadModel(NERFVDB_SOURCE_DIR "/tests/data/format_2.vdb");
+    const Model model = shellModel(8, 4);
+    CHECK(loaded.field.shells().count == 1);
+    CHECK(loaded.field.shells().extent == Vec3i::Constant(7));
+    CHECK(loaded.sky.isEmpty());
+    CHECK(loaded.background == model.background);
+    CHECK(loaded.decoder.width() == 8);
+    CHECK(loaded.info.schedule == model.info.schedule);
+    CHECK(loaded.info.seed == model.info.seed);
+    CHECK(loaded.cameras.size() == 1);
+    CHECK(loaded.field.worldBox().min == model.field.worldBox().min);
+    CHECK(loaded.field.worldBox().max == model.field.worldBox().max);
+    REQUIRE(sameMasks(model.field.topology().cells(), loaded.field.topology().cells()));
+    double worst = 0;
+    for (std::size_t i = 0; i < model.field.density().size(); ++i)
+        worst = std::max(worst, static_cast<double>(std::abs(model.field.density()[i] - loaded.field.density()[i])));
+    CHECK(worst < 0.05);  // half a step of 1/16, and more than nothing
+    CHECK(worst > 0);
 }
 
 TEST_CASE("the better a model, the finer its values are kept") {
