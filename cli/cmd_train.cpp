@@ -1,19 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // nerfvdb train: photographs in; model.vdb, model.ckpt (for --resume) and model.csv (how it went) out.
-#include <algorithm>
 #include <map>
 
 #include "cli/commands.h"
-#include "cli/csv_log.h"
-#include "cli/output_path.h"
 #include "cli/photo_words.h"
-#include "cli/process.h"
 #include "cli/quantities.h"
+#include "cli/train_run.h"
 #include "core/error.h"
-#include "trainer/downscale.h"
-#include "trainer/model_cameras.h"
-#include "trainer/trainer.h"
-#include "vdb/model_file.h"
 
 namespace nerfvdb {
 namespace {
@@ -63,92 +56,22 @@ void checkResume(const CLI::App& app) {
 
 void runTrain(const TrainWords& words) {
     const auto limit = words.shared.begin();
-    TrainOptions options = trainOptions(words);
-    const std::filesystem::path out = words.out;
-    if (out.extension() != ".vdb")
+    TrainRun run;
+    run.data = words.data;
+    run.out = words.out;
+    run.cache = words.cache;
+    run.options = trainOptions(words);
+    run.photographs.strict = words.strict;
+    words.photos.apply(run.photographs);
+    run.resume = words.resume;
+    if (run.out.extension() != ".vdb")
         throw UsageError("--out", "'" + words.out + "'", "a file name that ends in .vdb");
-    const auto beside = [&](const char* extension) {
-        return std::filesystem::path(out).replace_extension(extension);
-    };
-    for (const char* extension : {".vdb", ".ckpt", ".csv"}) prepareOutputFile("--out", beside(extension));
-    if (!words.cache.empty()) prepareOutputFolder("--cache", words.cache);
-    const std::filesystem::path checkpoint = beside(".ckpt");
-    if (words.resume && !std::filesystem::exists(checkpoint))
-        throw IoError(checkpoint.string(), "no file", "the checkpoint that --resume continues",
-                      "train without --resume first");
+    checkOutputs(run);
 
     TerminalReport report;
-    DatasetOptions photographs;
-    photographs.strict = words.strict;
-    words.photos.apply(photographs);
-    if (options.max_memory_bytes) photographs.max_photo_bytes = *options.max_memory_bytes / 2;
-    photographs.cache_folder = words.cache.empty() ? out.parent_path() : std::filesystem::path(words.cache);
-    const Dataset dataset = readDataset(words.data, Split::train, photographs, report);
-    if (!dataset.views.empty()) {
-        const Camera& camera = dataset.views.front().camera;
-        report.info(formatted("%zu training views, the first of %dx%d", dataset.views.size(), camera.width,
-                              camera.height));
-    }
-
-    std::vector<ModelCamera> held_out = heldOutCameras(words.data, report);
-    for (ModelCamera& view : held_out) view.camera = downscaled(view.camera, words.photos.downscale());
-
-    CsvLog log(beside(".csv"), words.resume, report);
-    options.elapsed_s = secondsSinceProcessStart();
-    TrainResult result = train(
-        dataset, options, report, [&](const TrainProgress& progress) { log.add(progress); }, checkpoint,
-        words.resume);
-    report.end();
-    result.model.cameras.insert(result.model.cameras.end(), held_out.begin(), held_out.end());
-    try {
-        saveModel(result.model, out);
-    } catch (const NumericError& error) {
-        if (result.numeric_error.empty()) throw;
-        throw NumericError(result.numeric_error + "; " + error.what() +
-                           "; the last checkpoint and model are as they were");
-    }
-    log.finish();
-
-    const double seconds = secondsSinceProcessStart();
-    const Json json = {{"command", "train"},
-                       {"model", out.string()},
-                       {"train_seconds", seconds},
-                       {"steps", result.steps},
-                       {"schedule", result.model.info.schedule},
-                       {"train_psnr", result.model.info.train_psnr},
-                       {"active_voxels", result.active_voxels},
-                       {"model_bytes", std::filesystem::file_size(out)},
-                       {"peak_memory_bytes", peakMemoryBytes()},
-                       {"seed", result.model.info.seed},
-                       {"views", dataset.views.size()},
-                       {"held_out_views", held_out.size()},
-                       {"downscale", words.photos.downscale()},
-                       {"masked_share", maskedShare(dataset)},
-                       {"exposure_learned", !result.gains.empty()},
-                       {"exposure_gains", result.gains},
-                       {"interrupted", result.interrupted},
-                       {"undone_steps", result.undone_steps},
-                       {"notes", result.notes}};
-    std::string text =
-        formatted("%s: %lld steps, %.2f dB on the training rays, %zu active voxels, %s\n", out.c_str(),
-                  static_cast<long long>(result.steps), result.model.info.train_psnr, result.active_voxels,
-                  sizeText(static_cast<double>(std::filesystem::file_size(out))).c_str());
-    text += formatted("%s in all, at most %s of memory\n", durationText(seconds).c_str(),
-                      sizeText(static_cast<double>(peakMemoryBytes())).c_str());
-    if (!result.gains.empty()) {
-        const auto [low, high] = std::minmax_element(result.gains.begin(), result.gains.end());
-        text += formatted("photographs show a mid grey %.2f to %.2f times as bright as the model does\n", *low, *high);
-    }
-    words.shared.finish(json, text);
-    const std::string stopped =
-        result.interrupted ? "stopped at step " + std::to_string(result.steps) + " as asked, and " : "";
-    const std::string saved = stopped + "saved " + out.string();
-    if (!result.numeric_error.empty())
-        throw NumericError(result.numeric_error + "; saved what was learned before as " + out.string());
-    if (!result.checkpoint_error.empty())
-        throw IoError(saved + ", but not its checkpoint: " + result.checkpoint_error);
-    if (result.interrupted)
-        throw Interrupted(saved + "; nerfvdb train " + words.data + " --out " + words.out + " --resume goes on");
+    const TrainOutcome outcome = trainToFiles(run, report);
+    words.shared.finish(outcome.json, outcome.text);
+    throwUnlessWhole(outcome, run.out, "nerfvdb train " + words.data + " --out " + words.out + " --resume");
 }
 
 }  // namespace
