@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // nerfvdb export: a model as a plain volume that Blender, Houdini and others show.
 #include "cli/commands.h"
+#include "cli/export_parts.h"
 #include "cli/output_path.h"
 #include "cli/process.h"
 #include "cli/quantities.h"
@@ -8,10 +9,10 @@
 #include "core/error.h"
 #include "export/blender_memory.h"
 #include "export/camera_export.h"
-#include "export/flat_model.h"
 #include "export/level_set.h"
 #include "export/marching_cubes.h"
 #include "export/vdb_export.h"
+#include "trainer/block_index.h"
 #include "vdb/model_file.h"
 
 namespace nerfvdb {
@@ -64,18 +65,6 @@ struct Outputs {
     std::filesystem::path level_set, cameras, script;
 };
 
-/// What was written: of the whole box, or of one shell.
-struct Part {
-    int shell;
-    ExportVdbReport written;
-};
-
-/// volume.vdb, volume.shell1.vdb, ...
-std::filesystem::path shellPath(const std::filesystem::path& path, int shell) {
-    if (shell == 0) return path;
-    return path.parent_path() / (path.stem().string() + ".shell" + std::to_string(shell) + path.extension().string());
-}
-
 Outputs checkOutputs(const ExportWords& words) {
     const std::filesystem::path out = words.out;
     if (out.extension() != ".vdb")
@@ -83,6 +72,9 @@ Outputs checkOutputs(const ExportWords& words) {
     if (words.each_shell && words.level_set)
         throw UsageError("--level-set", "it together with --each-shell", "one of the two",
                          "surfaces of shells alone would have walls between them");
+    if (isBlockFolder(words.model) && (words.each_shell || words.level_set || words.shells.isGiven() || words.options.tiles > 1))
+        throw UsageError("export", "a folder of blocks with --shells, --each-shell, --level-set or --tiles", "none of them",
+                         "each block leaves as a file of its own");
     Outputs outputs{out, out, out};
     outputs.level_set.replace_extension(".surface.vdb");
     outputs.cameras.replace_extension(".cameras.json");
@@ -95,14 +87,14 @@ Outputs checkOutputs(const ExportWords& words) {
     return outputs;
 }
 
-void writeBeside(const Outputs& outputs, const Model& model, const ExportVdbOptions& options,
-                 const std::vector<Part>& parts) {
+void writeBeside(const Outputs& outputs, const std::vector<ModelCamera>& cameras, const ExportVdbOptions& options,
+                 const std::vector<ExportPart>& parts) {
     BlenderScene scene;
-    for (const Part& part : parts)
+    for (const ExportPart& part : parts)
         for (const ExportVdbReport::File& file : part.written.files)
             scene.volumes.push_back(file.path.filename().string());
-    if (!model.cameras.empty()) {
-        writeCamerasJson(outputs.cameras, model.cameras, parts.front().written.placement);
+    if (!cameras.empty()) {
+        writeCamerasJson(outputs.cameras, cameras, parts.front().written.placement);
         scene.cameras = outputs.cameras.filename().string();
     }
     scene.color_name = options.color == Color::none ? "" : options.color_name;
@@ -118,26 +110,6 @@ void writeSurface(const Outputs& outputs, const Model& model, const ExportVdbRep
     const Mesh mesh = extractSurface(model, options, report);
     writeLevelSet(outputs.level_set, mesh, model.field.frame().voxel_size, exported.placement);
     report.info("level set: " + outputs.level_set.string());
-}
-
-/// Each shell alone, in its own voxels, all in one world. One of which nothing is left to write is left out.
-std::vector<Part> exportShells(const ExportWords& words, const Model& model, ExportVdbOptions options, Report& report) {
-    const int n_shells = words.shells.count(model, model.field.shells().count);
-    options.max_blender_bytes /= n_shells;
-    std::vector<Part> parts;
-    for (int shell = 0; shell < n_shells; ++shell) {
-        if (shell > 0) options.outside = model.field.shellBox(shell - 1);
-        report.info(formatted("shell %d of %d", shell, model.field.shells().count));
-        try {
-            parts.push_back({shell, exportVdb(shellModel(model, shell), shellPath(words.out, shell), options, report)});
-        } catch (const DataError& nothing) {
-            if (parts.empty() && shell + 1 == n_shells) throw;
-            report.warn(formatted("shell %d is left out: %s", shell, nothing.what()));
-            continue;
-        }
-        if (!options.placed_by) options.placed_by = parts.front().written.bounds;
-    }
-    return parts;
 }
 
 Json exportJson(const ExportVdbReport& exported) {
@@ -161,21 +133,14 @@ Json exportJson(const ExportVdbReport& exported) {
     return json;
 }
 
-/// As one volume, or a list of shells.
-Json partsJson(const ExportWords& words, const Model& model, const std::vector<Part>& parts) {
-    Json json = {{"command", "export"}, {"out", words.out}, {"model_shells", model.field.shells().count}};
-    if (!words.each_shell) {
-        json["shells"] = words.shells.count(model, 1);
-        json.update(exportJson(parts.front().written));
-    } else {
-        json["each_shell"] = Json::array();
-        for (const Part& part : parts) {
-            json["each_shell"].push_back({{"shell", part.shell}});
-            json["each_shell"].back().update(exportJson(part.written));
-        }
+/// As one volume, or a list of parts under `key`.
+void addParts(Json& json, const char* key, const std::vector<ExportPart>& parts) {
+    if (parts.front().id.empty()) return json.update(exportJson(parts.front().written));
+    json[key] = Json::array();
+    for (const ExportPart& part : parts) {
+        json[key].push_back(part.id);
+        json[key].back().update(exportJson(part.written));
     }
-    json["peak_memory_bytes"] = peakMemoryBytes();
-    return json;
 }
 
 std::string exportText(const ExportWords& words, const ExportVdbOptions& options, const ExportVdbReport& exported) {
@@ -201,9 +166,9 @@ std::string exportText(const ExportWords& words, const ExportVdbOptions& options
     return text;
 }
 
-std::string partsText(const ExportWords& words, const ExportVdbOptions& options, const std::vector<Part>& parts) {
+std::string partsText(const ExportWords& words, const ExportVdbOptions& options, const std::vector<ExportPart>& parts) {
     std::string text;
-    for (const Part& part : parts) text += exportText(words, options, part.written);
+    for (const ExportPart& part : parts) text += exportText(words, options, part.written);
     if (options.color != Color::none)
         text += "colour is the same from all sides: reflections do not move with the eye\n";
     return text;
@@ -214,17 +179,30 @@ void runExport(const ExportWords& words) {
     const Outputs outputs = checkOutputs(words);
     const ExportVdbOptions options = exportOptions(words);
     TerminalReport report;
-    const Model model = loadModel(words.model);
-    std::vector<Part> parts;
-    if (words.each_shell) {
-        parts = exportShells(words, model, options, report);
+    Json json = {{"command", "export"}, {"out", words.out}};
+    std::vector<ExportPart> parts;
+    std::vector<ModelCamera> cameras;
+    if (isBlockFolder(words.model)) {
+        parts = exportBlocks(words.model, words.out, options, report, cameras);
+        addParts(json, "each_block", parts);
     } else {
-        const Model flat = words.shells.flatten(model, report);
-        parts.push_back({0, exportVdb(flat, words.out, options, report)});
-        if (words.level_set) writeSurface(outputs, flat, parts.front().written, report);
+        const Model model = loadModel(words.model);
+        cameras = model.cameras;
+        const int available = model.field.shells().count;
+        json["model_shells"] = available;
+        if (words.each_shell) {
+            parts = exportShells(model, words.shells.count(model, available), words.out, options, report);
+        } else {
+            const Model flat = words.shells.flatten(model, report);
+            parts.push_back({{}, exportVdb(flat, words.out, options, report)});
+            if (words.level_set) writeSurface(outputs, flat, parts.front().written, report);
+            json["shells"] = words.shells.count(model, 1);
+        }
+        addParts(json, "each_shell", parts);
     }
-    if (!words.volume_only) writeBeside(outputs, model, options, parts);
-    words.shared.finish(partsJson(words, model, parts), partsText(words, options, parts));
+    if (!words.volume_only) writeBeside(outputs, cameras, options, parts);
+    json["peak_memory_bytes"] = peakMemoryBytes();
+    words.shared.finish(json, partsText(words, options, parts));
 }
 
 void addPlacement(CLI::App& app, ExportWords& words) {
@@ -248,10 +226,11 @@ Command addExport(CLI::App& program) {
     auto words = std::make_shared<ExportWords>();
     CLI::App& app =
         *program.add_subcommand("export", "Write a model as density and colour grids for other programs");
-    app.add_option("MODEL", words->model, "A model that 'nerfvdb train' made")->required();
+    app.add_option("MODEL", words->model, "A model or a folder of blocks that 'nerfvdb train' made")->required();
     app.add_option("--out", words->out,
                    "The volume: grids 'density' (1 / world unit) and 'color' (linear RGB). Beside it: the cameras, "
-                   "VOLUME.cameras.json, and a script that shows it all in Blender, VOLUME.blender.py")
+                   "VOLUME.cameras.json, and a script that shows it all in Blender, VOLUME.blender.py. Of blocks: their inner boxes "
+                   "as VOLUME.block0_0.vdb, ..., which fade into each other")
         ->required()
         ->type_name("VOLUME.vdb");
     app.add_option("--color", words->color,

@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cli/block_info.h"
 #include "cli/commands.h"
 #include "cli/dataset_info.h"
 #include "cli/output_path.h"
 #include "core/error.h"
+#include "trainer/block_index.h"
 #include "vdb/model_file.h"
 
 namespace nerfvdb {
@@ -160,11 +162,14 @@ void runInfo(const InfoWords& words) {
     const std::filesystem::path path = words.path;
     if (!std::filesystem::exists(path))
         throw IoError(words.path, "nothing", "a model or volume (.vdb) or a data set", "check the path");
-    const bool is_data = std::filesystem::is_directory(path) || path.extension() == ".json";
+    const bool is_data = !isBlockFolder(path) && (std::filesystem::is_directory(path) || path.extension() == ".json");
     if (!words.plot.empty() && !is_data)
         throw UsageError("--plot", words.path + ", which is no data set", "a data set, whose cameras can be drawn");
     if (!words.plot.empty()) prepareOutputFile("--plot", words.plot);
-    if (is_data) {
+    if (isBlockFolder(path)) {
+        const Description description = describeBlocks(path);
+        words.shared.finish(description.json, description.text);
+    } else if (is_data) {
         const Description description = describeDataset(path, words.plot);
         words.shared.finish(description.json, description.text);
     } else if (isVdbFile(path) && !isModelFile(path)) {
@@ -179,7 +184,7 @@ void runInfo(const InfoWords& words) {
 Command addInfo(CLI::App& program) {
     auto words = std::make_shared<InfoWords>();
     CLI::App& app = *program.add_subcommand("info", "Tell what a model, a volume or a data set holds");
-    app.add_option("PATH", words->path, "A model, any .vdb volume, or a data set as for train")->required();
+    app.add_option("PATH", words->path, "A model, a folder of blocks, any .vdb volume, or a data set as for train")->required();
     app.add_option("--plot", words->plot,
                    "Draw the cameras of a data set from above and from the side, held-out ones in another colour, with "
                    "the box that training would take")

@@ -3,6 +3,7 @@
 #include "cli/commands.h"
 #include "cli/mesh_comparison.h"
 #include "cli/mesh_rework.h"
+#include "cli/mesh_source.h"
 #include "cli/output_path.h"
 #include "cli/process.h"
 #include "cli/quantities.h"
@@ -10,8 +11,6 @@
 #include "core/error.h"
 #include "export/marching_cubes.h"
 #include "export/mesh_io.h"
-#include "export/vertex_colours.h"
-#include "vdb/model_file.h"
 
 namespace nerfvdb {
 namespace {
@@ -48,7 +47,10 @@ void checkWords(const MeshWords& words) {
 }
 
 /// The mesh is never in memory, so nothing about its pieces is known, and none is dropped.
-void streamMesh(const MeshWords& words, const Model& model, MeshOptions options, TerminalReport& report) {
+void streamMesh(const MeshWords& words, const MeshSource& source, MeshOptions options, TerminalReport& report) {
+    if (!source.hasFeatures() && !words.no_colours)
+        throw UsageError("--stream", "a folder of blocks", "--no-colours too", "colours are added block by block, at the end");
+    const Model& model = source.model();
     options.colours = !words.no_colours;
     streamPly(words.out, model, options, report);
     report.end();
@@ -80,13 +82,14 @@ void runMesh(const MeshWords& words) {
     }
 
     TerminalReport report;
-    const Model model = words.shells.flatten(loadModel(words.model), report);
-    if (words.stream) return streamMesh(words, model, options, report);
+    const MeshSource source(words.model, words.shells, report);
+    if (words.stream) return streamMesh(words, source, options, report);
+    const Model& model = source.model();
     const double iso = options.iso.value_or(automaticIso(model.field));
     Mesh mesh = extractSurface(model, options, report);
     const IslandCounts islands = reworkMesh(mesh, words.rework, report);
     if (!words.out.empty()) {
-        if (!words.no_colours && meshFormat(words.out) != MeshFormat::stl) colourVertices(model, mesh, report);
+        if (!words.no_colours && meshFormat(words.out) != MeshFormat::stl) source.colour(mesh, report);
         writeMesh(words.out, mesh, words.up == "y" ? UpAxis::y : UpAxis::z);
     }
     report.end();
@@ -131,7 +134,7 @@ Command addMesh(CLI::App& program) {
     auto words = std::make_shared<MeshWords>();
     CLI::App& app =
         *program.add_subcommand("mesh", "Extract the surface of a model as a coloured triangle mesh");
-    app.add_option("MODEL", words->model, "A model that 'nerfvdb train' made")->required();
+    app.add_option("MODEL", words->model, "A model or a folder of blocks that 'nerfvdb train' made")->required();
     app.add_option("--out", words->out, "The mesh: .ply, .obj, .glb (glTF) or .stl (no colours)")->type_name("FILE");
     app.add_option("--compare", words->compare,
                    "Measure distances to this mesh (.ply, binary, triangles), with or without --out")

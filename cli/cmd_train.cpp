@@ -2,9 +2,11 @@
 // nerfvdb train: photographs in; model.vdb, model.ckpt (for --resume) and model.csv (how it went) out.
 #include <map>
 
+#include "cli/block_words.h"
 #include "cli/commands.h"
 #include "cli/photo_words.h"
 #include "cli/quantities.h"
+#include "cli/train_blocks.h"
 #include "cli/train_run.h"
 #include "core/error.h"
 
@@ -17,6 +19,7 @@ struct TrainWords {
     std::uint64_t seed = TrainOptions{}.seed;
     bool resume = false, strict = false;
     PhotoWords photos;
+    BlockWords blocks;
     SharedOptions shared;
 };
 
@@ -64,14 +67,22 @@ void runTrain(const TrainWords& words) {
     run.photographs.strict = words.strict;
     words.photos.apply(run.photographs);
     run.resume = words.resume;
-    if (run.out.extension() != ".vdb")
-        throw UsageError("--out", "'" + words.out + "'", "a file name that ends in .vdb");
-    checkOutputs(run);
+    const bool is_file = run.out.extension() == ".vdb";
+    if (words.blocks.isGiven() && is_file)
+        throw UsageError("--out", "'" + words.out + "'", "the name of a folder for the blocks");
+    if (!words.blocks.isGiven()) {
+        if (!is_file) throw UsageError("--out", "'" + words.out + "'", "a file name that ends in .vdb");
+        checkOutputs(run);
+    }
 
     TerminalReport report;
-    const TrainOutcome outcome = trainToFiles(run, report);
+    const TrainOutcome outcome = words.blocks.isGiven()
+                                     ? trainBlocks(run, words.blocks.count(), words.blocks.only(), report)
+                                     : trainToFiles(run, report);
     words.shared.finish(outcome.json, outcome.text);
-    throwUnlessWhole(outcome, run.out, "nerfvdb train " + words.data + " --out " + words.out + " --resume");
+    throwUnlessWhole(outcome, run.out,
+                     words.blocks.isGiven() ? "the same command with --resume"
+                                            : "nerfvdb train " + words.data + " --out " + words.out + " --resume");
 }
 
 }  // namespace
@@ -130,6 +141,7 @@ Command addTrain(CLI::App& program) {
     app.add_option("--cache", words->cache,
                    "Folder for that file; it has no name and is gone when the program ends [that of --out]")
         ->type_name("DIR");
+    words->blocks.add(app);
     app.add_flag("--resume", words->resume,
                  "Continue from the checkpoint beside --out, on the same data. Plan, seed, background, exposure and "
                  "box are those of the checkpoint: no --preset, --time, --steps, --scene, --background, --exposure, "
@@ -141,9 +153,11 @@ Command addTrain(CLI::App& program) {
         ->type_name("S");
     words->shared.add(app,
                       "  nerfvdb train data/lego --out lego.vdb --time 5m\n"
+                      "  nerfvdb train data/town --out town --blocks 4x3 --time 2h\n"
                       "\nCtrl-C finishes the step, saves and leaves with exit code 130.");
     return {&app, [words, &app] {
-                if (words->resume) checkResume(app);
+                if (words->resume && !words->blocks.isGiven()) checkResume(app);
+                words->blocks.check(app);
                 runTrain(*words);
             }};
 }

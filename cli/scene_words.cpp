@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/scene_words.h"
 
+#include "cli/block_scene.h"
 #include "cli/quantities.h"
 #include "core/error.h"
 #include "vdb/model_file.h"
+#include "vdb/renderer.h"
 #include "vdb/volume_file.h"
+#include "vdb/volume_renderer.h"
 
 namespace nerfvdb {
 namespace {
@@ -67,7 +70,7 @@ private:
 void SceneWords::add(CLI::App& command) {
     command
         .add_option("MODEL", path_,
-                    "A model that 'nerfvdb train' made, or any .vdb with the grids 'density' and 'color'")
+                    "A model or a folder of blocks that 'nerfvdb train' made, or any .vdb with the grids 'density' and 'color'")
         ->required();
     command
         .add_option("--background", background_,
@@ -80,14 +83,15 @@ void SceneWords::add(CLI::App& command) {
 std::unique_ptr<Scene> SceneWords::load(bool normals) const {
     std::optional<Vec3f> background;
     if (!background_.empty()) background = parseColor("--background", background_);
-    if (!isVdbFile(path_) || isModelFile(path_)) {
-        Model model = loadModel(path_);
+    const auto modelScene = [=, diffuse = no_view_dependence_](Model model) {
         if (background) model.background = *background;
         RenderOptions options;
         options.normals = normals;
-        options.view_dependent = !no_view_dependence_;
+        options.view_dependent = !diffuse;
         return std::make_unique<ModelScene>(std::move(model), options);
-    }
+    };
+    if (isBlockFolder(path_)) return std::make_unique<BlockScene>(path_, modelScene);
+    if (!isVdbFile(path_) || isModelFile(path_)) return modelScene(loadModel(path_));
     VolumeFile file = readVolume(path_);
     VolumeRenderOptions options;
     options.normals = normals;

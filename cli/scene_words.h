@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What to make pictures of: a model, or a plain volume, ours or another program's.
+// What to make pictures of: a model, a folder of blocks, or a plain volume, ours or another program's.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -7,20 +7,9 @@
 #include <optional>
 #include <string>
 
-#include "vdb/renderer.h"
-#include "vdb/volume_renderer.h"
+#include "cli/scene.h"
 
 namespace nerfvdb {
-
-/// A loaded scene that renders itself.
-class Scene {
-public:
-    virtual ~Scene() = default;
-    virtual RenderedImage render(const Camera& camera) const = 0;
-    virtual Vec3f background() const = 0;  // sRGB values
-    /// Of the leaves that hold something, world units; of a scene without bounds its inner box.
-    virtual Box occupiedBox() const = 0;
-};
 
 /// The words that name a scene.
 class SceneWords {

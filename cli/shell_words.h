@@ -13,6 +13,7 @@ class ShellWords {
 public:
     /// --shells.
     void add(CLI::App& command);
+    bool isGiven() const { return shells_ > 0; }
     /// How many of a model's shells are asked for; `otherwise` where nobody said. Throws UsageError for more than it has.
     int count(const Model& model, int otherwise) const;
     /// The inner ones as one box, one where nobody said; tells how many that are. Throws UsageError as flatModel.

@@ -82,6 +82,8 @@ void checkOutputs(const TrainRun& run) {
 TrainOutcome trainToFiles(const TrainRun& run, Report& report) {
     const Dataset dataset = readPhotographs(run, report);
     std::vector<ModelCamera> held_out = heldOutCameras(run.data, report);
+    if (const auto& choose = run.photographs.choose)
+        std::erase_if(held_out, [&](const ModelCamera& view) { return !choose(view.camera); });
     for (ModelCamera& view : held_out) view.camera = downscaled(view.camera, run.photographs.downscale);
 
     CsvLog log(besideModel(run.out, ".csv"), run.resume, report);

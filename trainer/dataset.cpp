@@ -145,6 +145,7 @@ Dataset readDataset(const std::filesystem::path& path, Split split, const Datase
                     Report& report) {
     Dataset dataset = readFrames(path, split, options);
     for (const std::string& warning : dataset.warnings) report.warn(warning);
+    if (options.choose) std::erase_if(dataset.views, [&](const View& view) { return !options.choose(view.camera); });
     if (split == Split::train && options.check_poses) checkPositionsDiffer(dataset);
     if (options.downscale > 1) downscaleCameras(dataset, options.downscale);
     if (options.load_photos) loadPhotos(dataset, options, report);

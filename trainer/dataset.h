@@ -4,6 +4,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -51,6 +52,7 @@ struct DatasetOptions {
     int downscale = 1;        // photos, masks and cameras of 1/N of the width and height; see downscale.h
     std::optional<std::size_t> max_photo_bytes = {};  // photos that take more are kept in a PhotoCache ...
     std::filesystem::path cache_folder = {};           // ... there
+    std::function<bool(const Camera&)> choose = {};    // of the split only views with such cameras; none: all
 };
 
 /// Reads a split of a data set, from what its folder holds; the first of these that is there:

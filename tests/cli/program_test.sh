@@ -490,6 +490,70 @@ test_threads() {
     if cmp -s one.vdb other.vdb; then fail "the seed changes nothing"; fi
 }
 
+# A scene in two blocks is one scene to every command.
+test_blocks() {
+    tiny_scene --no-truth
+    expect 0 train data --out parts --blocks 2x1 --steps 90 --json train.json
+    has_keys train.json trained blocks peak_memory_bytes
+    [[ "$(ls parts)" == $'block_0_0.csv\nblock_0_0.vdb\nblock_1_0.csv\nblock_1_0.vdb\nblocks.json' ]] ||
+        fail "a folder of blocks holds: $(ls parts)"
+
+    # Each block by itself, as another machine would, in another order: the same files.
+    expect 0 train data --out alone --blocks 2x1 --block 1,0 --steps 90
+    [[ ! -e alone/block_0_0.vdb ]] || fail "--block trained another block"
+    expect 1 render alone --data data --out half
+    says err "block_0_0.vdb: found no file"
+    expect 0 info alone
+    says out "block 0,0: "
+    says out "not trained"
+    expect 0 train data --out alone --blocks 2x1 --steps 90 --resume
+    says err "block 1,0 is there already"
+    local file
+    for file in block_0_0.vdb block_1_0.vdb blocks.json; do
+        cmp "parts/$file" "alone/$file" || fail "trained alone, $file is another"
+    done
+
+    expect 2 train data --out parts --blocks 1x2 --steps 90
+    says err "cut in another way"
+    expect 2 train data --out parts.vdb --blocks 2x1 --steps 90
+    says err "a folder"
+    expect 2 train data --out other --block 0,0
+    says err "--blocks"
+    expect 2 train data --out parts --blocks 2x1 --block 2,0 --steps 90
+    says err "0,0 to 1,0"
+    expect 2 train data --out other --blocks 2x1 --scene box
+    says err "--scene"
+    expect 2 train data --out other --blocks 2by1
+    says err "such as 3x2"
+
+    expect 0 info parts --json -
+    has_keys out kind blocks up_axis models bounds
+    expect 0 info parts
+    says out "block 1,0: "
+    says out " trained, "
+    expect 0 eval parts data --split test --json eval.json
+    has_keys eval.json psnr
+    # Worse than 15 dB is a picture of nothing: the photographs themselves differ from white by 13.
+    awk -F'[:,]' '/"psnr"/ { exit !($2 > 15) }' eval.json || fail "blocks show something else: $(head -5 eval.json)"
+    expect 0 render parts --data data --split test --width 24 --out views --depth
+    expect 0 render parts/blocks.json --orbit 2 --width 24 --height 24 --out orbit
+    [[ -s views/0000.png && -s orbit/0001.png ]] || fail "no pictures of blocks"
+
+    expect 0 export parts --out volume.vdb --fit 20 --json -
+    has_keys out each_block block active_voxels
+    [[ -s volume.block0_0.vdb && -s volume.block1_0.vdb && ! -e volume.vdb ]] || fail "blocks left as: $(ls volume.*)"
+    says volume.blender.py "volume.block0_0.vdb"
+    [[ $(grep -c '"file_path"' volume.cameras.json) -eq 15 ]] || fail "cameras are told twice, or not at all"
+    expect 2 export parts --out volume.vdb --level-set
+    expect 0 mesh parts --out mesh.ply --json -
+    says out '"closed": true'
+    expect 2 mesh parts --out mesh.ply --shells 2
+    says err "--shells"
+    expect 2 mesh parts --out mesh.ply --stream
+    says err "--no-colours"
+    expect 0 mesh parts --out streamed.ply --stream --no-colours
+}
+
 test_photographs() {
     local file number
     tiny_scene --no-truth
