@@ -176,10 +176,7 @@ void benchTrainings(const Subject& subject, const SkipOptions& options, Report& 
         Evaluation judged;
         std::size_t voxels = 0;
     };
-    const auto learn = [&](bool keep_unseen) {
-        TrainOptions training;
-        training.steps = {options.train_steps};
-        training.keep_unseen = keep_unseen;
+    const auto learn = [&](const TrainOptions& training) {
         Stopwatch watch;
         watch.start();
         const TrainResult learned = train(subject.train, training, report, {});
@@ -189,14 +186,32 @@ void benchTrainings(const Subject& subject, const SkipOptions& options, Report& 
                        evaluate(learned.model, subject.test, {}, report),
                        learned.active_voxels};
     };
-    const Learned with = learn(false), without = learn(true);
-    BenchRow row = rowOf("whole training", kUnseen, with.timing, without.timing, 1, 1, with.judged.counters,
-                         without.judged.counters);
-    row.cells[7] = {with.judged.psnr};
-    row.cells[8] = {without.judged.psnr};
-    result.rows.push_back(std::move(row));
+    const auto compare = [&](const char* label, const Learned& with, const Learned& without) {
+        BenchRow row = rowOf("whole training", label, with.timing, without.timing, 1, 1, with.judged.counters,
+                             without.judged.counters);
+        row.cells[7] = {with.judged.psnr};
+        row.cells[8] = {without.judged.psnr};
+        result.rows.push_back(std::move(row));
+    };
+    TrainOptions all_levels;
+    all_levels.steps = {options.train_steps};
+    const Learned with = learn(all_levels);
+    all_levels.keep_unseen = true;
+    const Learned without = learn(all_levels);
+    compare(kUnseen, with, without);
     result.figures.emplace_back("active voxels, without those that no view sees", static_cast<double>(with.voxels));
     result.figures.emplace_back("active voxels, with them", static_cast<double>(without.voxels));
+
+    // A dense grid at the finest voxels would not end: the two coarse levels.
+    TrainOptions coarse;
+    const std::int64_t n = std::max<std::int64_t>(1, options.train_steps / 10);
+    coarse.steps = {n, n, 2 * n};
+    const Learned sparse = learn(coarse);
+    coarse.skip_nothing = true;
+    const Learned dense = learn(coarse);
+    compare(kEverything, sparse, dense);
+    result.figures.emplace_back("active voxels of 128 a side, with skipping", static_cast<double>(sparse.voxels));
+    result.figures.emplace_back("active voxels of 128 a side, nothing skipped", static_cast<double>(dense.voxels));
 }
 
 }  // namespace
@@ -225,6 +240,8 @@ BenchResult benchSkip(const Subject& subject, const SkipOptions& options, Report
                            std::to_string(options.batch) + " rays; without: all but this kind");
     result.notes.push_back("a whole training: " + std::to_string(options.train_steps) +
                            " steps, timed once; samples and PSNR are those of its model's held-out views");
+    result.notes.push_back("a whole training without all of these: a dense grid of at most 128 voxels a side, and the same steps "
+                           "with skipping");
     result.notes.push_back("training steps repeat the same rays with all rates zero, on the finished model");
     return result;
 }

@@ -107,7 +107,9 @@ public:
     Training(const Dataset& dataset, const TrainOptions& options, Report& report,
              const std::function<void(const TrainProgress&)>& on_interval, const std::filesystem::path& checkpoint)
         : dataset_(dataset), options_(options), report_(report), on_interval_(on_interval), checkpoint_(checkpoint),
-          source_(dataset, options.seed) {}
+          source_(dataset, options.seed) {
+        if (options.skip_nothing) trace_ = {.stop_transmittance = 0, .min_weight = 0, .max_dropped = 0, .skip_unlit = false};
+    }
 
     void start();
     void resume();
@@ -115,6 +117,7 @@ public:
 
 private:
     bool isOpen() const;
+    bool keepsUnseen() const { return options_.keep_unseen || options_.skip_nothing; }
     /// What shells hold against one box: each leaves out an eighth of its own.
     double carvedSpace() const { return 1 + 0.875 * (state_.field.shells().count - 1); }
     bool photosOnDisk() const { return !dataset_.views.empty() && dataset_.views.front().photo.tiles != nullptr; }
@@ -175,7 +178,7 @@ void Training::start() {
     const BoxGrid grid = isOpen() ? gridAround(box, kCoarsestResolution, scene.count)
                                   : gridOver(box, kCoarsestResolution);
     // Without a view nothing is ruled out.
-    Topology topology(grid.dims, options_.keep_unseen
+    Topology topology(grid.dims, keepsUnseen()
                                      ? possibleCells({}, grid, 0)
                                      : possibleCells(dataset_, grid, std::min<std::size_t>(2, dataset_.views.size())));
     if (topology.cellCount() == 0)
@@ -331,13 +334,17 @@ std::int64_t Training::totalSteps() const {
 }
 
 void Training::updateSource() {
-    if (state_.sky.isEmpty()) source_.update(state_.field, state_.occupancy);
+    if (state_.sky.isEmpty() && !options_.skip_nothing) source_.update(state_.field, state_.occupancy);
     else source_.useAll();  // a pixel without anything in front of it shows the sky, and teaches it
 }
 
 void Training::updateOccupancy() {
-    state_.occupancy = findOccupied(
-        state_.field, chooseMinAlpha(state_.field, source_, static_cast<std::uint64_t>(place_.step)));
+    const Topology& topology = state_.field.topology();
+    if (options_.skip_nothing)
+        state_.occupancy = occupancyFromCells(topology, {topology.cells().begin(), topology.cells().end()});
+    else
+        state_.occupancy = findOccupied(
+            state_.field, chooseMinAlpha(state_.field, source_, static_cast<std::uint64_t>(place_.step)));
     updateSource();
     if (source_.tileCount() == 0)
         throw NumericError(
@@ -446,7 +453,7 @@ void Training::stepOnce() {
 void Training::refine() {
     updateOccupancy();
     std::vector<LeafMask> keep = state_.occupancy.cells;
-    if (!options_.keep_unseen) {
+    if (!keepsUnseen()) {
         const std::vector<LeafMask> seen = dilateCells(state_.field.topology(), state_.seen);
         for (std::size_t leaf = 0; leaf < keep.size(); ++leaf)
             for (int word = 0; word < kLeafWords; ++word) keep[leaf][word] &= seen[leaf][word];

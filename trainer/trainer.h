@@ -35,6 +35,8 @@ struct TrainOptions {
     std::uint64_t seed = 1;
     bool keep_unseen = false;                   // also learn voxels that fewer than two views see, that a mask shows
                                                 // empty or from which no ray took light: to measure what they cost
+    bool skip_nothing = false;                  // and march through all of the box, to its end, read features at every
+                                                // sample, draw every pixel: to measure what all skipping saves
     double elapsed_s = 0;                       // wall time the process had spent when training began
 };
 
