@@ -51,7 +51,9 @@ StressResult runStress(const StressOptions& options, Report& report) {
     add(stressKernels(report));
     add(stressSkips({.scenes = options.is_long ? kLongScenes : kShortScenes}, report));
     add(stressDeterminism(report));
-    add(stressInput(options.scratch, options.is_long ? kLongSteps : kShortSteps, report));
+    const std::filesystem::path scratch =
+        options.scratch.empty() ? std::filesystem::temp_directory_path() : options.scratch;
+    add(stressInput(scratch, options.is_long ? kLongSteps : kShortSteps, report));
     if (options.is_long && options.seeds > 0) add(stressSeeds({.seeds = options.seeds}, report));
     result.seconds = clock.wallSeconds();
     return result;

@@ -16,8 +16,7 @@ namespace nerfvdb {
 struct StressOptions {
     bool is_long = false;  // every combination, every instruction set, longer trainings, many seeds
     int seeds = 20;        // of each procedural scene; only if long, 0: none
-    std::filesystem::path scratch =
-        std::filesystem::temp_directory_path();  // images and models stay there briefly
+    std::filesystem::path scratch = {};  // images and models stay there briefly; empty: the system's temporary folder
 };
 
 struct StressResult {
