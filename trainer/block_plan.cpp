@@ -2,11 +2,32 @@
 #include "trainer/block_plan.h"
 
 #include <algorithm>
+#include <cmath>
+#include <string>
 
 #include "core/error.h"
 #include "trainer/scene_box.h"
 
 namespace nerfvdb {
+namespace {
+
+/// The axis along which the cameras are least apart; of those who walk in a line, along which more than one axis is short,
+/// the one that stands upright in their pictures.
+int upAxis(const Dataset& dataset, const Box& cameras) {
+    constexpr double kShort = 0.1;  // of the longest
+    Vec3d upright = Vec3d::Zero();
+    for (const View& view : dataset.views) upright += view.camera.world_from_camera.col(1);
+    int shortest = 0, up = -1;
+    for (int axis = 0; axis < 3; ++axis) {
+        if (cameras.size()[axis] < cameras.size()[shortest]) shortest = axis;
+        if (cameras.size()[axis] <= kShort * cameras.size().maxCoeff() &&
+            (up < 0 || std::abs(upright[axis]) > std::abs(upright[up])))
+            up = axis;
+    }
+    return up >= 0 ? up : shortest;
+}
+
+}  // namespace
 
 BlockGrid planBlocks(const Dataset& dataset, int columns, int rows, const std::optional<Box>& bounds) {
     if (dataset.views.empty())
@@ -16,17 +37,19 @@ BlockGrid planBlocks(const Dataset& dataset, int columns, int rows, const std::o
         cameras.min = cameras.min.cwiseMin(view.camera.position);
         cameras.max = cameras.max.cwiseMax(view.camera.position);
     }
-    int up = 2;  // of equals the last: z
-    for (const int axis : {1, 0})
-        if (cameras.size()[axis] < cameras.size()[up]) up = axis;
-
+    const int up = upAxis(dataset, cameras);
     Box region = findSceneShells(dataset, bounds).inner;
-    if (!bounds)
-        for (int axis = 0; axis < 3; ++axis) {
-            if (axis == up) continue;
-            region.min[axis] = std::min(region.min[axis], cameras.min[axis]);
-            region.max[axis] = std::max(region.max[axis], cameras.max[axis]);
-        }
+    const BlockGrid axes{.columns = columns, .rows = rows, .up = up};
+    for (int axis = 0; axis < 3; ++axis) {
+        // A block without a camera would learn nothing; what lies beyond the cameras is in the outer blocks' margins.
+        if (bounds || axes.countAlong(axis) == 1) continue;
+        region.min[axis] = cameras.min[axis];
+        region.max[axis] = cameras.max[axis];
+        if (!(region.size()[axis] > 0))
+            throw UsageError("--blocks", std::to_string(axes.countAlong(axis)) + " along " + "xyz"[axis] +
+                                             ", where all cameras are at the same place",
+                             "1 along " + std::string(1, "xyz"[axis]), "the ground's axes come in the order x, y, z");
+    }
     return cutIntoBlocks(region, up, columns, rows);
 }
 

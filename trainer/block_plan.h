@@ -11,9 +11,10 @@ namespace nerfvdb {
 
 inline constexpr std::size_t kFewestBlockViews = 3;  // a block with fewer photographs is not trained
 
-/// The blocks of a capture: of `bounds`, or of what an open scene would take for its inner box, along the ground as far as
-/// the cameras go. Up is the axis along which the cameras are least apart. Needs cameras only.
-/// Throws UsageError (cutIntoBlocks), DataError for a data set without views.
+/// The blocks of a capture: of `bounds`, or, along the axes that are cut, of where the cameras are, and else of the inner
+/// box of an open scene. Up is the axis along which the cameras are least apart (of a walk in a line, the one that is
+/// upright in pictures). Needs cameras only.
+/// Throws UsageError (cutIntoBlocks; cameras that are not apart along an axis that is cut), DataError for no views.
 BlockGrid planBlocks(const Dataset& dataset, int columns, int rows, const std::optional<Box>& bounds);
 
 /// [block, as in grid.blocks()] number of views that it takes.
