@@ -7,6 +7,8 @@
 #include "cli/photo_words.h"
 #include "cli/process.h"
 #include "cli/scene_words.h"
+#include "core/error.h"
+#include "trainer/block_index.h"
 #include "trainer/evaluate.h"
 #include "vdb/model_file.h"
 
@@ -72,6 +74,9 @@ void runEval(const EvalWords& words) {
     DatasetOptions photographs;
     words.photos.apply(photographs);
     if (!words.debug_ray.empty()) {
+        if (isBlockFolder(words.scene.path()))
+            throw UsageError("--debug-ray", "a folder of blocks", "one of its models",
+                             "'nerfvdb info " + words.scene.path() + "' lists them");
         photographs.load_photos = false;
         const Dataset cameras = words.dataset.read(words.data, photographs, report);
         const ReplayedRay ray =

@@ -533,6 +533,8 @@ test_blocks() {
     says out " trained, "
     expect 0 eval parts data --split test --json eval.json
     has_keys eval.json psnr
+    expect 2 eval parts data --debug-ray 0:12:12
+    says err "a folder of blocks"
     # Worse than 15 dB is a picture of nothing: the photographs themselves differ from white by 13.
     awk -F'[:,]' '/"psnr"/ { exit !($2 > 15) }' eval.json || fail "blocks show something else: $(head -5 eval.json)"
     expect 0 render parts --data data --split test --width 24 --out views --depth
