@@ -14,7 +14,8 @@ namespace nerfvdb {
 namespace {
 
 struct TrainWords {
-    std::string data, out, preset, time, steps, scene = "auto", background = "auto", exposure = "auto", max_memory, cache;
+    std::string data, out, preset, time, steps, scene = "auto", background = "auto", exposure = "auto", max_memory, cache,
+                checkpoint_every;
     std::vector<double> bounds;
     std::uint64_t seed = TrainOptions{}.seed;
     bool resume = false, strict = false;
@@ -43,6 +44,8 @@ TrainOptions trainOptions(const TrainWords& words) {
     if (!words.steps.empty()) options.steps = parseSteps("--steps", words.steps);
     if (!words.bounds.empty()) options.bounds = parseBounds("--bounds", words.bounds);
     if (!words.max_memory.empty()) options.max_memory_bytes = parseSize("--max-memory", words.max_memory);
+    if (!words.checkpoint_every.empty())
+        options.checkpoint_s = parseDuration("--checkpoint-every", words.checkpoint_every);
     options.seed = words.seed;
     return options;
 }
@@ -142,6 +145,10 @@ Command addTrain(CLI::App& program) {
                    "Folder for that file; it has no name and is gone when the program ends [that of --out]")
         ->type_name("DIR");
     words->blocks.add(app);
+    app.add_option("--checkpoint-every", words->checkpoint_every,
+                   "Time between checkpoints, longer where they would halt training for more than 2 % of it; a second "
+                   "thread writes them [60s]")
+        ->type_name("DURATION");
     app.add_flag("--resume", words->resume,
                  "Continue from the checkpoint beside --out, on the same data. Plan, seed, background, exposure and "
                  "box are those of the checkpoint: no --preset, --time, --steps, --scene, --background, --exposure, "

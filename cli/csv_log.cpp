@@ -12,6 +12,7 @@ namespace nerfvdb {
 
 CsvLog::CsvLog(std::filesystem::path path, bool resume, Report& report)
     : path_(std::move(path)), part_(path_.string() + ".part"), report_(report) {
+    removeOrphans(part_);
     if (resume && std::filesystem::exists(path_)) earlier_ = readFile(path_);
 }
 

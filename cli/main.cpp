@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // nerfvdb: words in, exit code out. The one place that turns exceptions into exit codes:
 //   0 done   1 failed   2 wrong usage   130 interrupted, after saving
+#include <cstdlib>
+#include <cstring>
+#include <exception>
 #include <iostream>
 #include <new>
 
@@ -16,6 +19,29 @@ enum ExitCode { kDone = 0, kFailed = 1, kWrongUsage = 2, kInterrupted = 130 };
 int complain(ExitCode code, const std::string& message) {
     std::cerr << "nerfvdb: " << message << std::endl;
     return code;
+}
+
+/// Without allocating anything.
+int complainOfMemory(const std::bad_alloc& error) {
+    const bool says_more = std::strcmp(error.what(), std::bad_alloc().what()) != 0;
+    std::cerr << "nerfvdb: out of memory" << (says_more ? ": " : "") << (says_more ? error.what() : "")
+              << "; close other programs, or train with a smaller --max-memory" << std::endl;
+    return kFailed;
+}
+
+/// An exception where none can pass, as in a thread that a library starts.
+[[noreturn]] void endAtOnce() {
+    ExitCode code = kFailed;
+    try {
+        if (const std::exception_ptr error = std::current_exception()) std::rethrow_exception(error);
+    } catch (const std::bad_alloc& error) {
+        complainOfMemory(error);
+    } catch (const std::exception& error) {
+        complain(code, error.what());
+    } catch (...) {
+        complain(code, "an unknown error");
+    }
+    std::_Exit(code);
 }
 
 int runProgram(int argc, char** argv) {
@@ -46,14 +72,15 @@ int runProgram(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
+    std::set_terminate(endAtOnce);
     try {
         return runProgram(argc, argv);
     } catch (const Interrupted& error) {
         return complain(kInterrupted, error.what());
     } catch (const UsageError& error) {
         return complain(kWrongUsage, error.what());
-    } catch (const std::bad_alloc&) {
-        return complain(kFailed, "out of memory; close other programs, or train with a smaller --max-memory");
+    } catch (const std::bad_alloc& error) {
+        return complainOfMemory(error);
     } catch (const std::exception& error) {
         return complain(kFailed, error.what());
     }

@@ -7,11 +7,14 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "core/atomic_file.h"
 #include "core/error.h"
 
 namespace nerfvdb {
 
-void prepareOutputFolder(const std::string& where, const std::filesystem::path& folder) {
+namespace {
+
+void makeFolder(const std::string& where, const std::filesystem::path& folder) {
     const std::string place = where + " " + folder.string();
     std::error_code error;
     std::filesystem::create_directories(folder, error);
@@ -28,10 +31,18 @@ void prepareOutputFolder(const std::string& where, const std::filesystem::path& 
     std::filesystem::remove(probe, error);
 }
 
+}  // namespace
+
+void prepareOutputFolder(const std::string& where, const std::filesystem::path& folder) {
+    makeFolder(where, folder);
+    removeOrphans(folder);
+}
+
 void prepareOutputFile(const std::string& where, const std::filesystem::path& file) {
     if (file.filename().empty() || std::filesystem::is_directory(file))
         throw IoError(where + " " + file.string(), "a folder", "the name of a file", "add a file name");
-    prepareOutputFolder(where, file.has_parent_path() ? file.parent_path() : std::filesystem::path("."));
+    makeFolder(where, file.has_parent_path() ? file.parent_path() : std::filesystem::path("."));
+    removeOrphans(file);
 }
 
 }  // namespace nerfvdb

@@ -1,14 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trainer/checkpoint.h"
 
+#include <fcntl.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <bit>
+#include <cerrno>
 #include <cstring>
+#include <limits>
 #include <string>
 #include <type_traits>
+#include <utility>
 
 #include "core/atomic_file.h"
 #include "core/error.h"
+#include "core/file_descriptor.h"
 #include "core/parallel.h"
 
 namespace nerfvdb {
@@ -18,101 +26,170 @@ static_assert(std::endian::native == std::endian::little, "checkpoints are littl
 
 constexpr std::string_view kHead = "nerfvdb-checkpoint 4\n";
 constexpr std::size_t kHashDigits = 32;
+constexpr std::size_t kPieceBytes = std::size_t{1} << 20;  // written or read at once
 
-/// Visits fields by appending them to a string.
+/// Visits fields by handing their bytes on: sink.append(bytes).
+template <typename Sink>
 class Writer {
 public:
     static constexpr bool kIsReading = false;
-    explicit Writer(std::string& out) : out_(out) {}
+    explicit Writer(Sink& sink) : sink_(sink) {}
     template <typename T>
     void value(const T& v) {
         static_assert(std::is_trivially_copyable_v<T>);
-        out_.append(reinterpret_cast<const char*>(&v), sizeof v);
+        sink_.append(std::as_bytes(std::span(&v, 1)));
     }
     template <typename Array>  // std::vector or std::string
-    void values(Array& v) {
+    void values(const Array& v) {
         value(static_cast<std::uint64_t>(v.size()));
-        out_.append(reinterpret_cast<const char*>(v.data()), v.size() * sizeof v[0]);
+        sink_.append(std::as_bytes(std::span(v.data(), v.size())));
     }
 
 private:
-    std::string& out_;
+    Sink& sink_;
 };
 
-/// Visits fields by taking them from bytes.
+/// Counts bytes.
+struct ByteCount {
+    std::size_t size = 0;
+    void append(std::span<const std::byte> bytes) { size += bytes.size(); }
+};
+
+/// Fills memory.
+struct MemorySink {
+    static constexpr std::size_t kGroupLeaves = std::numeric_limits<std::size_t>::max();
+    std::byte* next;
+    void append(std::span<const std::byte> bytes) { std::copy(bytes.begin(), bytes.end(), room(bytes.size())); }
+    std::byte* room(std::size_t size) { return std::exchange(next, next + size); }
+};
+
+/// Fills a file, all but its head, and hashes it on the way; memory holds no more than a piece.
+class FileSink {
+public:
+    static constexpr std::size_t kGroupLeaves = 256;  // 4 MiB of eight channels
+    explicit FileSink(const AppendBytes& append) : append_(append) {}
+    void append(std::span<const std::byte> bytes) { std::copy(bytes.begin(), bytes.end(), room(bytes.size())); }
+    /// The file's next bytes, to be filled before the next call.
+    std::byte* room(std::size_t size) {
+        if (piece_.size() >= kPieceBytes) flush();
+        piece_.resize(piece_.size() + size);
+        return piece_.data() + piece_.size() - size;
+    }
+    std::string finish() {
+        flush();
+        return hash_.digits();
+    }
+
+private:
+    void flush() {
+        hash_.add(piece_);
+        append_(piece_);
+        piece_.clear();
+    }
+    const AppendBytes& append_;
+    std::vector<std::byte> piece_;
+    ContentHash hash_;
+};
+
+/// Visits fields by reading them from a file in pieces.
 class Reader {
 public:
     static constexpr bool kIsReading = true;
-    Reader(std::string_view bytes, std::string where) : bytes_(bytes), where_(std::move(where)) {}
+    /// From the file's position on, `left` bytes.
+    Reader(const Descriptor& file, std::size_t left, const std::filesystem::path& path)
+        : file_(file), left_(left), path_(path) {}
     template <typename T>
     void value(T& v) {
-        std::memcpy(&v, take(sizeof v), sizeof v);
+        read(std::as_writable_bytes(std::span(&v, 1)));
     }
     template <typename Array>
     void values(Array& v) {
         std::uint64_t n = 0;
         value(n);
-        if (n > bytes_.size() / sizeof v[0]) fail();
+        if (n > left_ / sizeof v[0]) fail();
         v.resize(n);
-        if (n) std::memcpy(v.data(), take(n * sizeof v[0]), n * sizeof v[0]);
+        read(std::as_writable_bytes(std::span(v.data(), v.size())));
+    }
+    void read(std::span<std::byte> to) {
+        if (to.size() > left_) fail();
+        left_ -= to.size();
+        while (!to.empty()) {
+            if (next_ == piece_.size()) fill();
+            const std::size_t n = std::min(to.size(), piece_.size() - next_);
+            std::memcpy(to.data(), &piece_[next_], n);
+            next_ += n;
+            to = to.subspan(n);
+        }
     }
     void finish() const {
-        if (!bytes_.empty()) fail();
+        if (left_ > 0) fail();
+    }
+    [[noreturn]] void fail() const {
+        throw DataError(path_.string(), "fields that do not fit each other or its length",
+                        "a checkpoint of this version", "train without --resume");
     }
 
 private:
-    const char* take(std::size_t n) {
-        if (n > bytes_.size()) fail();
-        const char* const data = bytes_.data();
-        bytes_.remove_prefix(n);
-        return data;
+    void fill() {
+        piece_.resize(kPieceBytes);
+        piece_.resize(readAll(file_.get(), piece_, path_));
+        next_ = 0;
+        if (piece_.empty()) fail();  // someone cuts the file short while it is read
     }
-    [[noreturn]] void fail() const {
-        throw DataError(where_, "fields that do not fit its length", "a checkpoint of this version",
-                        "train without --resume");
-    }
-    std::string_view bytes_;
-    std::string where_;
+    const Descriptor& file_;
+    std::size_t left_;
+    const std::filesystem::path& path_;
+    std::vector<std::byte> piece_;
+    std::size_t next_ = 0;
 };
 
-/// Where each leaf's values begin in a pool without its gaps, in voxels; [leaves + 1].
-std::vector<std::size_t> compactOffsets(const Topology& topology) {
-    std::vector<std::size_t> begin{0};
-    for (const LeafMask& mask : topology.voxels()) {
-        std::size_t n = 0;
-        for (const std::uint64_t word : mask) n += static_cast<std::size_t>(std::popcount(word));
-        begin.push_back(begin.back() + n);
-    }
-    return begin;
-}
-
-/// Calls move(pool position, compact position) for every voxel that exists, in parallel.
-template <typename Move>
-void forEachVoxel(const Topology& topology, const std::vector<std::size_t>& begin, const Move& move) {
-    parallelRanges(topology.leafCount(), 64, [&](std::size_t first, std::size_t last) {
-        for (std::size_t leaf = first; leaf < last; ++leaf) {
-            std::size_t next = begin[leaf];
-            forEachBit(topology.voxels()[leaf], [&](int offset) { move(leaf * kLeafVoxels + offset, next++); });
+/// A pool without its gaps is a row of the voxels that exist. Calls use(voxels, copy) for groups of at most `n_leaves`
+/// leaves, in order: `voxels` says how many they have, and copy(move) calls move(position in the pool, position in the
+/// group's row) for each, in parallel.
+template <typename Use>
+void forEachGroup(const Topology& topology, std::size_t n_leaves, const Use& use) {
+    const std::span<const LeafMask> masks = topology.voxels();
+    for (std::size_t first = 0; first < masks.size(); first += n_leaves) {
+        const std::span<const LeafMask> group = masks.subspan(first, std::min(n_leaves, masks.size() - first));
+        std::vector<std::size_t> begin{0};
+        for (const LeafMask& mask : group) {
+            std::size_t n = 0;
+            for (const std::uint64_t word : mask) n += static_cast<std::size_t>(std::popcount(word));
+            begin.push_back(begin.back() + n);
         }
+        use(begin.back(), [&](const auto& move) {
+            parallelRanges(group.size(), 32, [&](std::size_t from, std::size_t to) {
+                for (std::size_t leaf = from; leaf < to; ++leaf) {
+                    std::size_t next = begin[leaf];
+                    forEachBit(group[leaf], [&](int offset) { move((first + leaf) * kLeafVoxels + offset, next++); });
+                }
+            });
+        });
+    }
+}
+
+template <typename Sink>
+void writePool(Sink& sink, const Topology& topology, int channels, std::span<const float> pool) {
+    Writer(sink).value(static_cast<std::uint64_t>(topology.voxelCount() * channels));
+    const std::size_t bytes = channels * sizeof(float);
+    forEachGroup(topology, Sink::kGroupLeaves, [&](std::size_t voxels, const auto& copy) {
+        std::byte* const room = sink.room(voxels * bytes);
+        copy([&](std::size_t from, std::size_t to) { std::memcpy(room + to * bytes, &pool[from * channels], bytes); });
     });
 }
 
-std::vector<float> gather(const Topology& topology, int channels, std::span<const float> pool) {
-    const std::vector<std::size_t> begin = compactOffsets(topology);
-    std::vector<float> values(begin.back() * channels);
-    forEachVoxel(topology, begin, [&](std::size_t from, std::size_t to) {
-        std::copy_n(&pool[from * channels], channels, &values[to * channels]);
+void readPool(Reader& reader, const Topology& topology, int channels, std::span<float> pool) {
+    std::uint64_t n = 0;
+    reader.value(n);
+    if (n != topology.voxelCount() * channels) reader.fail();
+    std::vector<float> values;
+    forEachGroup(topology, FileSink::kGroupLeaves, [&](std::size_t voxels, const auto& copy) {
+        values.resize(voxels * channels);
+        reader.read(std::as_writable_bytes(std::span(values)));
+        copy([&](std::size_t to, std::size_t from) {
+            std::copy_n(&values[from * channels], channels, &pool[to * channels]);
+        });
     });
-    return values;
-}
-
-bool scatter(const Topology& topology, int channels, const std::vector<float>& values, std::span<float> pool) {
-    const std::vector<std::size_t> begin = compactOffsets(topology);
-    if (values.size() != begin.back() * channels) return false;
-    forEachVoxel(topology, begin, [&](std::size_t to, std::size_t from) {
-        std::copy_n(&values[from * channels], channels, &pool[to * channels]);
-    });
-    return true;
 }
 
 /// The small fields, in file order; the same function writes and reads, so the two cannot disagree.
@@ -198,53 +275,108 @@ void visitLearner(Visitor& visit, TrainState& state, std::vector<float>& network
     visit.value(state.distortion);
 }
 
-}  // namespace
-
-void saveCheckpoint(const std::filesystem::path& path, const TrainState& state, const TrainPlace& place) {
+/// All but the pools.
+template <typename Sink>
+void writeSmall(Sink& sink, const TrainState& state, const TrainPlace& place) {
     const Topology& topology = state.field.topology();
-    const int channels = state.field.channels();
-    std::string body(kHead);
-    body.append(kHashDigits, '0').append("\n");
-    body.reserve(topology.voxelCount() * (channels + 3) * sizeof(float) + topology.bytes() + (1 << 20));
-    Writer writer(body);
+    Writer writer(sink);
     TrainPlace place_copy = place;
     visitPlace(writer, place_copy);
     GridFields grid{topology.dims(), state.field.frame().origin, state.field.shells(),
-                    state.field.frame().voxel_size, state.field.densityScale(), channels, state.decoder.width(),
-                    {topology.leafCoords().begin(), topology.leafCoords().end()},
+                    state.field.frame().voxel_size, state.field.densityScale(), state.field.channels(),
+                    state.decoder.width(), {topology.leafCoords().begin(), topology.leafCoords().end()},
                     {topology.cells().begin(), topology.cells().end()}};
     visitGrid(writer, grid);
     std::vector<float> network(state.decoder.parameters().begin(), state.decoder.parameters().end());
     visitLearner(writer, const_cast<TrainState&>(state), network);  // a writer changes nothing
-    const auto add = [&](int n_channels, std::span<const float> pool) {
-        std::vector<float> values = gather(topology, n_channels, pool);
-        writer.values(values);
-    };
-    add(1, state.field.density());
-    add(channels, state.field.features());
-    add(1, state.density_moment.span());
-    add(1, state.feature_moment.span());
+}
 
-    const std::size_t head = kHead.size() + kHashDigits + 1;
-    const std::string hash = contentHash(std::as_bytes(std::span(body).subspan(head)));
-    body.replace(kHead.size(), kHashDigits, hash);
-    writeAtomically(path, body, Durable::system);
+template <typename Sink>
+void writePools(Sink& sink, const TrainState& state) {
+    const Topology& topology = state.field.topology();
+    writePool(sink, topology, 1, state.field.density());
+    writePool(sink, topology, state.field.channels(), state.field.features());
+    writePool(sink, topology, 1, state.density_moment.span());
+    writePool(sink, topology, 1, state.feature_moment.span());
+}
+
+std::string headWith(const std::string& hash) { return std::string(kHead) + hash + "\n"; }
+
+/// Where the file's body begins, behind a head that has been found good and a body that has its hash.
+std::size_t verifiedBody(const Descriptor& file, std::size_t size, const std::filesystem::path& path) {
+    std::string head(kHead.size() + kHashDigits + 1, '\0');
+    head.resize(readAll(file.get(), std::as_writable_bytes(std::span(head)), path));
+    if (!head.starts_with(kHead.substr(0, kHead.size() - 2)))
+        throw DataError(path.string(), "another kind of file", "a nerfvdb checkpoint", "train without --resume");
+    if (!head.starts_with(kHead))
+        throw DataError(path.string(), "a checkpoint of another version", "version 4", "train without --resume");
+    ContentHash hash;
+    std::vector<std::byte> piece(kPieceBytes);
+    std::size_t left = size - std::min(size, head.size());
+    while (left > 0) {
+        const std::size_t n = readAll(file.get(), std::span(piece).first(std::min(left, piece.size())), path);
+        if (n == 0) break;
+        hash.add(std::span(piece).first(n));
+        left -= n;
+    }
+    if (left > 0 || head != headWith(hash.digits()))
+        throw DataError(path.string(), "a damaged or truncated checkpoint", "contents that match its checksum",
+                        "train without --resume");
+    return head.size();
+}
+
+}  // namespace
+
+std::size_t checkpointBytes(const TrainState& state, const TrainPlace& place) {
+    ByteCount count;
+    writeSmall(count, state, place);
+    const std::size_t values = state.field.topology().voxelCount() * (state.field.channels() + 3);
+    return count.size + values * sizeof(float) + 4 * sizeof(std::uint64_t);
+}
+
+PackedCheckpoint packCheckpoint(const TrainState& state, const TrainPlace& place) {
+    PackedCheckpoint packed;
+    packed.size = checkpointBytes(state, place);
+    packed.bytes = std::make_unique_for_overwrite<std::byte[]>(packed.size);
+    MemorySink sink{packed.bytes.get()};
+    writeSmall(sink, state, place);
+    writePools(sink, state);
+    return packed;
+}
+
+void saveCheckpoint(const std::filesystem::path& path, const PackedCheckpoint& packed) {
+    const auto write = [&](const AppendBytes& append) {
+        const std::span<const std::byte> body(packed.bytes.get(), packed.size);
+        const std::string head = headWith(contentHash(body));
+        append(std::as_bytes(std::span(head)));
+        append(body);
+        return head;
+    };
+    writePieces(path, write, Durable::system);
+}
+
+void saveCheckpoint(const std::filesystem::path& path, const TrainState& state, const TrainPlace& place) {
+    const auto write = [&](const AppendBytes& append) {
+        const std::string room = headWith(std::string(kHashDigits, '0'));
+        append(std::as_bytes(std::span(room)));
+        FileSink sink(append);
+        writeSmall(sink, state, place);
+        writePools(sink, state);
+        return headWith(sink.finish());
+    };
+    writePieces(path, write, Durable::system);
 }
 
 void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainPlace& place) {
-    const std::string file = readFile(path);
-    const std::string_view bytes(file);
-    if (!bytes.starts_with(kHead.substr(0, kHead.size() - 2)))
-        throw DataError(path.string(), "another kind of file", "a nerfvdb checkpoint", "train without --resume");
-    if (!bytes.starts_with(kHead))
-        throw DataError(path.string(), "a checkpoint of another version", "version 4", "train without --resume");
-    const std::size_t begin = kHead.size() + kHashDigits + 1;
-    if (bytes.size() < begin ||
-        contentHash(std::as_bytes(std::span(bytes.substr(begin)))) != bytes.substr(kHead.size(), kHashDigits))
-        throw DataError(path.string(), "a damaged or truncated checkpoint", "contents that match its checksum",
-                        "train without --resume");
+    const Descriptor file(path, O_RDONLY);
+    struct stat status;
+    if (!file.isOpen() || ::fstat(file.get(), &status) != 0) throwErrno(path, errno, "a file that can be read");
+    if (S_ISDIR(status.st_mode)) throw IoError(path.string(), "a folder", "a file");
+    const auto size = static_cast<std::size_t>(status.st_size);
+    const std::size_t begin = verifiedBody(file, size, path);
+    if (::lseek(file.get(), static_cast<off_t>(begin), SEEK_SET) < 0) throwErrno(path, errno, "a plain file");
 
-    Reader reader(bytes.substr(begin), path.string());
+    Reader reader(file, size - begin, path);
     visitPlace(reader, place);
     GridFields grid;
     visitGrid(reader, grid);
@@ -261,23 +393,16 @@ void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainP
     const Topology& topology = state.field.topology();
     state.density_moment = HugeArray<float>(state.field.density().size());
     state.feature_moment = HugeArray<float>(state.field.density().size());
-    bool fits = (!state.exposures.learned() || state.exposures.viewCount() == static_cast<std::size_t>(place.n_views)) &&
-                network.size() == state.decoder.parameters().size() && state.seen.size() == topology.leafCount() &&
-                state.occupancy.cells.size() == topology.leafCount();
-    if (fits) std::copy(network.begin(), network.end(), state.decoder.parameters().begin());
-    std::vector<float> values;
-    const auto next = [&](int channels, std::span<float> pool) {
-        reader.values(values);
-        fits = fits && scatter(topology, channels, values, pool);
-    };
-    next(1, state.field.density());
-    next(grid.channels, state.field.features());
-    next(1, state.density_moment.span());
-    next(1, state.feature_moment.span());
+    if ((state.exposures.learned() && state.exposures.viewCount() != static_cast<std::size_t>(place.n_views)) ||
+        network.size() != state.decoder.parameters().size() || state.seen.size() != topology.leafCount() ||
+        state.occupancy.cells.size() != topology.leafCount())
+        reader.fail();
+    std::copy(network.begin(), network.end(), state.decoder.parameters().begin());
+    readPool(reader, topology, 1, state.field.density());
+    readPool(reader, topology, grid.channels, state.field.features());
+    readPool(reader, topology, 1, state.density_moment.span());
+    readPool(reader, topology, 1, state.feature_moment.span());
     reader.finish();
-    if (!fits)
-        throw DataError(path.string(), "fields of sizes that do not fit each other", "a checkpoint of this version",
-                        "train without --resume");
     state.occupancy = occupancyFromCells(topology, std::move(state.occupancy.cells));
 }
 

@@ -3,7 +3,9 @@
 // A native binary file, one program version reads its own; the model for everyone else is vdb/model_file.h.
 #pragma once
 
+#include <cstddef>
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -27,8 +29,19 @@ struct TrainPlace {
     bool tries_exposure = false;       // exposures are learned until the first stage shows whether they differ
 };
 
+/// A checkpoint's bytes but for its head, copied from the state in parallel.
+struct PackedCheckpoint {
+    std::unique_ptr<std::byte[]> bytes;
+    std::size_t size = 0;
+};
+PackedCheckpoint packCheckpoint(const TrainState& state, const TrainPlace& place);
+/// Their number, before anything is copied.
+std::size_t checkpointBytes(const TrainState& state, const TrainPlace& place);
+
 /// Layout: "nerfvdb-checkpoint 4\n", 32 hexadecimal digits (content hash of all that follows) and "\n", then the
-/// fields in the order of checkpoint.cpp, little-endian.
+/// fields in the order of checkpoint.cpp, little-endian. Throws IoError.
+void saveCheckpoint(const std::filesystem::path& path, const PackedCheckpoint& packed);
+/// The same file, straight from the state: takes a few megabytes, not a copy.
 void saveCheckpoint(const std::filesystem::path& path, const TrainState& state, const TrainPlace& place);
 
 /// Throws IoError / DataError: no such file, not a checkpoint, another version, damaged (the hash is verified first).

@@ -5,11 +5,14 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <new>
+#include <system_error>
 
 #include "core/error.h"
 #include "core/metrics.h"
 #include "core/photo_cache.h"
 #include "trainer/checkpoint.h"
+#include "trainer/checkpoint_writer.h"
 #include "trainer/dataset_hash.h"
 #include "trainer/faint_cells.h"
 #include "trainer/model_cameras.h"
@@ -30,8 +33,7 @@ constexpr int kSkyWidth = 512;              // texels around the horizon
 constexpr double kErrorMemory = 0.99;       // of the running mean of the error, per step
 constexpr double kVoxelPerPixel = 0.6;      // voxels smaller than this share of a pixel's width show nothing new
 constexpr double kTellSeconds = 2;          // between progress reports
-constexpr double kCheckpointSeconds = 60;   // between checkpoints, at least ...
-constexpr double kCheckpointShare = 0.02;   // ... and so rarely that they cost no more than this share of the time
+constexpr double kCheckpointShare = 0.02;   // of the time at most that checkpoints halt training
 constexpr std::int64_t kFirstOccupancy = 32, kLastOccupancy = 512;  // steps between updates, growing inside a stage
 constexpr std::int64_t kProbeSteps = 40;    // of a stage, before its cost is believed
 constexpr double kSameExposure = 0.05;      // spread of gains that is not worth learning: fox has 0.03 and loses by it
@@ -107,7 +109,7 @@ public:
     Training(const Dataset& dataset, const TrainOptions& options, Report& report,
              const std::function<void(const TrainProgress&)>& on_interval, const std::filesystem::path& checkpoint)
         : dataset_(dataset), options_(options), report_(report), on_interval_(on_interval), checkpoint_(checkpoint),
-          source_(dataset, options.seed) {
+          writer_(checkpoint), source_(dataset, options.seed) {
         if (options.skip_nothing) trace_ = {.stop_transmittance = 0, .min_weight = 0, .max_dropped = 0, .skip_unlit = false};
     }
 
@@ -137,7 +139,12 @@ private:
     void updateOccupancy();
     StepRates rates() const;
     void tell(bool force);
-    void save();
+    void saveMeanwhile();
+    void saveNow();
+    bool hasRoomForCopy() const;
+    bool beginCopy();
+    void finishWriting();
+    void takeOutcome(const std::optional<std::string>& error);  // of writing a checkpoint, if one is over
     TrainResult finish(bool interrupted);
     Stage& stage() { return place_.stages[place_.stage]; }
     std::int64_t totalSteps() const;
@@ -147,6 +154,7 @@ private:
     Report& report_;
     const std::function<void(const TrainProgress&)>& on_interval_;
     const std::filesystem::path& checkpoint_;
+    CheckpointWriter writer_;
 
     RaySource source_;
     TrainState state_;
@@ -372,13 +380,13 @@ TrainResult Training::run() {
     report_.begin("training", totalSteps());
     for (;;) {
         if (!runStage()) {
-            if (numeric_error_.empty()) save();
+            if (numeric_error_.empty()) saveNow();
             return finish(/*interrupted=*/numeric_error_.empty());
         }
         if (place_.stage + 1 == place_.stages.size()) break;
         enterStage();
     }
-    save();
+    saveNow();
     return finish(/*interrupted=*/false);
 }
 
@@ -423,7 +431,7 @@ bool Training::runStage() {
                                        place_.step_in_stage == stage().steps * 3 / 4))
             replanForTime();
         tell(/*force=*/false);
-        if (clock_.seconds() - last_saved_ > std::max(kCheckpointSeconds, save_seconds_ / kCheckpointShare)) save();
+        saveMeanwhile();
     }
     return true;
 }
@@ -470,13 +478,13 @@ void Training::refine() {
         return;
     }
 
-    VoxelField fine = refineField(state_.field, std::move(fine_topology));
-    HugeArray<float> density_moment(fine.density().size()), feature_moment(fine.density().size());
-    refineValues(coarse, fine.topology(), 1, state_.density_moment.span(), density_moment.span());
-    refineValues(coarse, fine.topology(), 1, state_.feature_moment.span(), feature_moment.span());
-    state_.field = std::move(fine);
-    state_.density_moment = std::move(density_moment);
-    state_.feature_moment = std::move(feature_moment);
+    // One array after the other, so that old and new ones do not stand side by side.
+    state_.field = refineField(std::move(state_.field), std::move(fine_topology));
+    for (HugeArray<float>* const moment : {&state_.density_moment, &state_.feature_moment}) {
+        HugeArray<float> fine(state_.field.density().size());
+        refineValues(coarse, state_.field.topology(), 1, moment->span(), fine.span());
+        *moment = std::move(fine);
+    }
     state_.seen.assign(state_.field.topology().leafCount(), {});
     step_seconds_ = 0;
     updateOccupancy();
@@ -505,28 +513,69 @@ void Training::tell(bool force) {
     report_.update(place_.step, note);
 }
 
-void Training::save() {
+/// Training halts while its state is copied; a second thread writes the copy. Where there is no memory for a copy,
+/// training halts until the state is written.
+void Training::saveMeanwhile() {
     if (checkpoint_.empty()) return;
+    takeOutcome(writer_.outcome());
     const double begin = clock_.seconds();
-    try {
-        saveCheckpoint(checkpoint_, state_, place_);
-        has_checkpoint_ = true;
-        checkpoint_error_.clear();
-    } catch (const IoError& error) {  // what was learned is worth more than its checkpoint
-        if (checkpoint_error_.empty())
-            report_.warn(std::string("checkpoint not written, training goes on: ") + error.what());
-        checkpoint_error_ = error.what();
-    }
+    if (writer_.isBusy() || begin - last_saved_ < std::max(options_.checkpoint_s, save_seconds_ / kCheckpointShare))
+        return;
+    if (!hasRoomForCopy() || !beginCopy()) saveNow();
     last_saved_ = clock_.seconds();
     save_seconds_ = last_saved_ - begin;
 }
 
+bool Training::beginCopy() {
+    try {
+        writer_.begin(packCheckpoint(state_, place_));
+        return true;
+    } catch (const std::bad_alloc&) {
+        return false;
+    } catch (const std::system_error&) {  // no thread to be had
+        return false;
+    }
+}
+
+void Training::saveNow() {
+    if (checkpoint_.empty()) return;
+    finishWriting();
+    try {
+        saveCheckpoint(checkpoint_, state_, place_);
+        takeOutcome(std::string());
+    } catch (const IoError& error) {
+        takeOutcome(error.what());
+    }
+}
+
+void Training::finishWriting() {
+    writer_.wait();
+    takeOutcome(writer_.outcome());
+}
+
+/// What was learned is worth more than its checkpoint: a failure is told, and training goes on.
+void Training::takeOutcome(const std::optional<std::string>& error) {
+    if (!error) return;
+    if (error->empty()) has_checkpoint_ = true;
+    else if (checkpoint_error_.empty()) report_.warn("checkpoint not written, training goes on: " + *error);
+    checkpoint_error_ = *error;
+}
+
+bool Training::hasRoomForCopy() const {
+    return !options_.max_memory_bytes ||
+           memoryFor(state_.field.topology()) + checkpointBytes(state_, place_) <= *options_.max_memory_bytes;
+}
+
 TrainResult Training::finish(bool interrupted) {
+    if (!checkpoint_.empty()) finishWriting();
     tell(/*force=*/true);
     report_.end();
     TrainResult result;
     updateOccupancy();
-    result.model.field = copyField(state_.field, prune(state_.field.topology(), state_.occupancy.cells));
+    state_.density_moment = {};
+    state_.feature_moment = {};
+    Topology kept = prune(state_.field.topology(), state_.occupancy.cells);
+    result.model.field = pruneField(std::move(state_.field), std::move(kept));
     result.model.decoder = state_.decoder;
     result.model.background = state_.background;
     result.model.sky = state_.sky;

@@ -32,6 +32,8 @@ struct TrainOptions {
     SceneExtent extent = SceneExtent::automatic;
     std::optional<Box> bounds;                  // world units; of an open scene, its inner box
     std::optional<std::size_t> max_memory_bytes;
+    double checkpoint_s = 60;                   // between checkpoints, and longer where they would halt training for more
+                                                // than 2 % of the time
     std::uint64_t seed = 1;
     bool keep_unseen = false;                   // also learn voxels that fewer than two views see, that a mask shows
                                                 // empty or from which no ray took light: to measure what they cost
@@ -68,7 +70,8 @@ struct TrainResult {
 /// cameras of the data set. It shows the mean of the photographs' exposures.
 /// With `checkpoint`, state is loaded from there when `resume`, and saved there at intervals and at the end. Plan,
 /// seed, background, exposure and box are then those of the checkpoint, whatever `options` say. A checkpoint that cannot be
-/// written is a warning and TrainResult::checkpoint_error, never the end of training.
+/// written is a warning and TrainResult::checkpoint_error, never the end of training. Those at intervals are written
+/// by a second thread; the call returns when all is written.
 /// Steps that meet values which are not finite are undone and tried again (step_guard.h); three in a row end training
 /// with numeric_error: the model is as it was before them, the checkpoint the last that was written.
 /// Throws DataError (nothing to learn from, a checkpoint of another data set) or NumericError.

@@ -5,12 +5,14 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <vector>
 
 #include "core/parallel.h"
 #include "vdb/topology_tree.h"
 
 namespace nerfvdb {
+
 Topology subdivide(const Topology& coarse, std::span<const LeafMask> cells) {
     std::vector<Topology::LeafCells> fine;
     for (std::size_t leaf = 0; leaf < coarse.leafCount(); ++leaf) {
@@ -100,14 +102,47 @@ void copyValues(const Topology& from, const Topology& to, int channels, std::spa
 }
 
 VoxelField refineField(const VoxelField& field, Topology fine) {
+    return refineField(copyField(field, field.topology()), std::move(fine));
+}
+
+VoxelField refineField(VoxelField&& field, Topology fine) {
     GridFrame frame = field.frame();
     frame.voxel_size *= 0.5;
     Shells shells = field.shells().subdivided();
     if (shells.count == 1) shells.extent = fine.dims() - Vec3i::Ones();
-    VoxelField result(std::move(fine), frame, shells, field.channels(), field.densityScale());
-    refineValues(field.topology(), result.topology(), 1, field.density(), result.density());
-    refineValues(field.topology(), result.topology(), field.channels(), field.features(), result.features());
-    return result;
+    const auto refined = [&](int channels, HugeArray<float> coarse_values, float nothing) {
+        HugeArray<float> values(fine.leafCount() * kLeafVoxels * static_cast<std::size_t>(channels), nothing);
+        refineValues(field.topology(), fine, channels, coarse_values.span(), values.span());
+        return values;
+    };
+    HugeArray<float> features = refined(field.channels(), field.takeFeatures(), 0);
+    HugeArray<float> density = refined(1, field.takeDensity(), kEmptyRaw);
+    return VoxelField(std::move(fine), frame, shells, field.channels(), field.densityScale(), std::move(density),
+                      std::move(features));
+}
+
+VoxelField pruneField(VoxelField&& field, Topology pruned) {
+    HugeArray<float> density = field.takeDensity(), features = field.takeFeatures();
+    const std::size_t channels = static_cast<std::size_t>(field.channels());
+    // Leaves keep their order, so each moves towards the begin, to where nothing is that is still needed.
+    for (std::size_t leaf = 0; leaf < pruned.leafCount(); ++leaf) {
+        const auto source = static_cast<std::size_t>(field.topology().findLeaf(pruned.leafCoords()[leaf]));
+        const std::size_t to = leaf * kLeafVoxels, from = source * kLeafVoxels;
+        if (to != from) {
+            std::memmove(&density[to], &density[from], kLeafVoxels * sizeof density[0]);
+            std::memmove(&features[to * channels], &features[from * channels],
+                         kLeafVoxels * channels * sizeof features[0]);
+        }
+        for (int offset = 0; offset < kLeafVoxels; ++offset) {
+            if (testBit(pruned.voxels()[leaf], offset)) continue;
+            density[to + offset] = kEmptyRaw;
+            std::fill_n(&features[(to + offset) * channels], channels, 0.0f);
+        }
+    }
+    density.truncate(pruned.leafCount() * kLeafVoxels);
+    features.truncate(pruned.leafCount() * kLeafVoxels * channels);
+    return VoxelField(std::move(pruned), field.frame(), field.shells(), field.channels(), field.densityScale(),
+                      std::move(density), std::move(features));
 }
 
 VoxelField copyField(const VoxelField& field, Topology to) {

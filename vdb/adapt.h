@@ -33,4 +33,9 @@ void copyValues(const Topology& from, const Topology& to, int channels, std::spa
 VoxelField refineField(const VoxelField& field, Topology fine);
 VoxelField copyField(const VoxelField& field, Topology to);
 
+/// The same with less memory: old values go as soon as new ones stand in their place.
+VoxelField refineField(VoxelField&& field, Topology fine);
+/// `pruned` is what prune made of the field's topology. Values move within the field's own memory.
+VoxelField pruneField(VoxelField&& field, Topology pruned);
+
 }  // namespace nerfvdb

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <span>
+#include <utility>
 
 #include "core/huge_array.h"
 #include "core/types.h"
@@ -39,10 +40,15 @@ public:
     }
     /// The same in shells.
     VoxelField(Topology topology, const GridFrame& frame, const Shells& shells, int channels, double density_scale)
+        : VoxelField(std::move(topology), frame, shells, channels, density_scale, {}, {}) {
+        density_ = HugeArray<float>(topology_.leafCount() * kLeafVoxels, kEmptyRaw);
+        features_ = HugeArray<float>(topology_.leafCount() * kLeafVoxels * static_cast<std::size_t>(channels));
+    }
+    /// With these values, as density() and features() have them.
+    VoxelField(Topology topology, const GridFrame& frame, const Shells& shells, int channels, double density_scale,
+               HugeArray<float> density, HugeArray<float> features)
         : topology_(std::move(topology)), frame_(frame), shells_(shells), channels_(channels),
-          density_scale_(density_scale),
-          density_(topology_.leafCount() * kLeafVoxels, kEmptyRaw),
-          features_(topology_.leafCount() * kLeafVoxels * static_cast<std::size_t>(channels)) {}
+          density_scale_(density_scale), density_(std::move(density)), features_(std::move(features)) {}
 
     const Topology& topology() const { return topology_; }
     /// Of shell 0: the inner box.
@@ -58,6 +64,10 @@ public:
     /// [leaf][512][channels]
     std::span<float> features() { return features_.span(); }
     std::span<const float> features() const { return features_.span(); }
+
+    /// The values themselves; the field has none afterwards.
+    HugeArray<float> takeDensity() { return std::move(density_); }
+    HugeArray<float> takeFeatures() { return std::move(features_); }
 
     /// Box of one shell (with what it leaves out) in world units.
     Box shellBox(int shell) const {

@@ -610,18 +610,24 @@ test_photographs() {
 }
 
 test_interrupt() {
-    local code=0 waited=0 pid
+    local code waited pid signal
     tiny_scene --no-truth
-    "$program" train data --out model.vdb --steps 10000000 >out 2>err &
-    pid=$!
-    # The first line of the log says that training has begun.
-    until [[ -s model.csv.part ]] || (( waited++ > 600 )); do sleep 0.1; done
-    kill -INT $pid
-    wait $pid || code=$?
-    [[ $code -eq 130 ]] || fail "exit code $code after an interrupt, expected 130"
-    says err "nerfvdb train data --out model.vdb --resume goes on"
-    [[ -s model.csv && ! -e model.csv.part ]] || fail "the log has not taken its name"
-    expect 0 eval model.vdb data
+    for signal in INT TERM; do
+        rm -f model.*
+        "$program" train data --out model.vdb --steps 10000000 >out 2>err &
+        pid=$!
+        # The first line of the log says that training has begun.
+        waited=0
+        until [[ -s model.csv.part ]] || (( waited++ > 600 )); do sleep 0.1; done
+        kill -$signal $pid
+        code=0
+        wait $pid || code=$?
+        [[ $code -eq 130 ]] || fail "exit code $code after SIG$signal, expected 130"
+        says err "nerfvdb train data --out model.vdb --resume goes on"
+        [[ -s model.csv && ! -e model.csv.part ]] || fail "the log has not taken its name"
+        [[ -s model.ckpt ]] || fail "no checkpoint after SIG$signal"
+        expect 0 eval model.vdb data
+    done
 }
 
 test_resume() {

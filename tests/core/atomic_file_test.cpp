@@ -3,7 +3,9 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <fstream>
+#include <new>
 
 #include "core/error.h"
 #include "tests/support/catch.h"
@@ -83,6 +85,71 @@ TEST_CASE("a failed write leaves the old file and no temporary", "[core]") {
     CHECK(filesIn(dir.path()) == 1);
 }
 
+TEST_CASE("a file in pieces gets its head last") {
+    const TempDir dir;
+    const auto bytes = [](std::string_view text) { return std::as_bytes(std::span(text)); };
+    writePieces(
+        dir / "a.txt",
+        [&](const AppendBytes& append) {
+            append(bytes("----"));
+            append(bytes("first"));
+            append(bytes(" second"));
+            return std::string("head");
+        },
+        Durable::system);
+    CHECK(readFile(dir / "a.txt") == "headfirst second");
+    CHECK_THROWS_AS(writePieces(dir / "a.txt", [&](const AppendBytes&) -> std::string { throw std::bad_alloc(); },
+                                Durable::system),
+                    std::bad_alloc);
+    CHECK(readFile(dir / "a.txt") == "headfirst second");
+    CHECK(filesIn(dir.path()) == 1);
+}
+
+TEST_CASE("what a killed program left is removed, and nothing that is being written or is another's") {
+    const TempDir dir;
+    const auto make = [&](const char* name) { std::ofstream(dir / name) << "half"; };
+    const auto stands = [&](const char* name) { return fs::exists(dir / name); };
+    const char* const kOthers[] = {"a.12-0.part.png", "b.12-0.part.vdb", "a.12.part.vdb", "a.part.vdb", "a.x-0.part.vdb",
+                                   "a.vdb"};
+    for (const char* name : kOthers) make(name);
+    make("a.12-0.part.vdb");
+    make("a.4000000-123.part.vdb");
+    fs::create_directory(dir / "a.13-0.part.vdb");
+    writeAtomically(dir / "a.vdb", [&](const fs::path& temporary) {
+        removeOrphans(dir / "a.vdb");
+        CHECK(fs::exists(temporary));
+        removeOrphans(dir.path());
+        CHECK(fs::exists(temporary));
+        make("a.12-0.part.vdb");
+        make("b.12-0.part.vdb");
+        make("a.12-0.part.png");
+        std::ofstream(temporary, std::ios::binary) << "whole";
+    });
+    CHECK(readFile(dir / "a.vdb") == "whole");
+    removeOrphans(dir / "a.vdb");
+    CHECK_FALSE(stands("a.12-0.part.vdb"));
+    CHECK_FALSE(stands("a.4000000-123.part.vdb"));
+    CHECK(stands("a.13-0.part.vdb"));
+    for (const char* name : kOthers) CHECK(stands(name));
+
+    removeOrphans(dir.path());
+    CHECK_FALSE(stands("b.12-0.part.vdb"));
+    CHECK_FALSE(stands("a.12-0.part.png"));
+    for (const char* name : {"a.12.part.vdb", "a.part.vdb", "a.x-0.part.vdb", "a.vdb"}) CHECK(stands(name));
+    removeOrphans(dir / "absent" / "a.vdb");
+}
+
+TEST_CASE("an orphan that has the next temporary's name is no obstacle") {
+    const TempDir dir;
+    std::string name;
+    writeAtomically(dir / "a.txt", [&](const fs::path& temporary) { name = temporary.filename().string(); });
+    const std::size_t dash = name.find('-'), dot = name.find('.', dash);
+    const int next = std::stoi(name.substr(dash + 1)) + 1;
+    std::ofstream(dir / (name.substr(0, dash + 1) + std::to_string(next) + name.substr(dot))) << "half";
+    writeAtomically(dir / "a.txt", "whole");
+    CHECK(readFile(dir / "a.txt") == "whole");
+}
+
 TEST_CASE("targets that cannot be written are named with advice", "[core]") {
     const TempDir dir;
     fs::create_directory(dir / "folder");
@@ -106,6 +173,17 @@ TEST_CASE("reading names what is not a file", "[core]") {
     CHECK_THROWS_WITH(readFile(dir.path()), Contains("found a folder"));
     writeAtomically(dir / "empty", "");
     CHECK(readFile(dir / "empty").empty());
+}
+
+TEST_CASE("the hash of pieces is that of the whole") {
+    std::string text;
+    for (int i = 0; i < 100000; ++i) text += static_cast<char>(i * i >> 3);
+    const auto bytes = std::as_bytes(std::span(text));
+    ContentHash hash;
+    CHECK(hash.digits() == contentHash({}));
+    for (std::size_t begin = 0, n = 1; begin < bytes.size(); begin += n, n = 3 * n)
+        hash.add(bytes.subspan(begin, std::min(n, bytes.size() - begin)));
+    CHECK(hash.digits() == contentHash(bytes));
 }
 
 TEST_CASE("the content hash is XXH3-128 as xxh128sum prints it", "[core]") {

@@ -10,6 +10,7 @@
 #include "tests/support/small_disk.h"
 #include "tests/support/sphere_dataset.h"
 #include "tests/support/temp_dir.h"
+#include "trainer/checkpoint_writer.h"
 #include "trainer/trainer.h"
 #include "vdb/model_file.h"
 
@@ -67,6 +68,59 @@ TEST_CASE("a checkpoint that is loaded and saved again repeats the file") {
     CHECK(place.step_in_stage == 14);
     saveCheckpoint(dir / "b.ckpt", state, place);
     CHECK(readFile(dir / "a.ckpt") == readFile(dir / "b.ckpt"));
+}
+
+TEST_CASE("a checkpoint from a copy of the state is the same file, of a size known beforehand") {
+    const TempDir dir;
+    StopAfter report(50);
+    trainTo(dir / "a.ckpt", report, false);
+    TrainState state;
+    TrainPlace place;
+    loadCheckpoint(dir / "a.ckpt", state, place);
+    const PackedCheckpoint packed = packCheckpoint(state, place);
+    CHECK(packed.size == checkpointBytes(state, place));
+    saveCheckpoint(dir / "b.ckpt", packed);
+    const std::string expected = readFile(dir / "a.ckpt");
+    CHECK(expected.size() > 1000000);
+    CHECK(readFile(dir / "b.ckpt") == expected);
+
+    CheckpointWriter writer(dir / "c.ckpt");
+    CHECK_FALSE(writer.outcome());
+    writer.begin(packCheckpoint(state, place));
+    state.field = {};  // the copy is all that the writer needs
+    writer.wait();
+    CHECK_FALSE(writer.isBusy());
+    CHECK(writer.outcome() == std::optional<std::string>(""));
+    CHECK_FALSE(writer.outcome());
+    CHECK(readFile(dir / "c.ckpt") == expected);
+}
+
+TEST_CASE("a checkpoint that the second thread cannot write says why") {
+    const TempDir dir;
+    StopAfter report(1);
+    trainTo(dir / "a.ckpt", report, false);
+    TrainState state;
+    TrainPlace place;
+    loadCheckpoint(dir / "a.ckpt", state, place);
+    CheckpointWriter writer(dir / "absent" / "b.ckpt");
+    writer.begin(packCheckpoint(state, place));
+    writer.wait();
+    const std::optional<std::string> error = writer.outcome();
+    REQUIRE(error);
+    CHECK_THAT(*error, Catch::Contains("b.ckpt") && Catch::Contains("no folder"));
+}
+
+TEST_CASE("checkpoints at every step change nothing, and one of them resumes", "[slow]") {
+    const TempDir dir;
+    TrainOptions options = shortRun();
+    options.checkpoint_s = 1e-6;
+    Report silent;
+    const TrainResult expected = train(sphere(), shortRun(), silent, {});
+    const std::string bytes = modelBytes(expected, dir);
+    const TrainResult result = train(sphere(), options, silent, {}, dir / "a.ckpt");
+    CHECK(result.checkpoint_error.empty());
+    CHECK(modelBytes(result, dir) == bytes);
+    CHECK(modelBytes(train(sphere(), options, silent, {}, dir / "a.ckpt", true), dir) == bytes);
 }
 
 TEST_CASE("a checkpoint of an open scene keeps its shells and its sky, and goes on to the same file") {

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vdb/adapt.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <optional>
+#include <vector>
 
 #include "tests/support/catch.h"
 #include "tests/support/grid_field.h"
@@ -115,6 +117,20 @@ TEST_CASE("pruning keeps the chosen cells alone, and copying keeps their values 
         wrong += std::memcmp(&pruned.features()[4 * i], &field.features()[4 * from], 4 * sizeof(float)) != 0;
     });
     CHECK(wrong == 0);
+
+    // Within its own memory: the same, to the last value of its bricks.
+    std::vector<LeafMask> fewer = chosen;
+    for (std::size_t leaf = 0; leaf < fewer.size(); ++leaf)
+        if (leaf % 3 != 1) fewer[leaf] = {};
+    const VoxelField copied = copyField(field, prune(field.topology(), fewer));
+    const VoxelField moved = pruneField(copyField(field, field.topology()), prune(field.topology(), fewer));
+    CHECK(moved.topology().leafCount() < field.topology().leafCount());
+    CHECK(std::equal(moved.density().begin(), moved.density().end(), copied.density().begin(), copied.density().end()));
+    CHECK(std::equal(moved.features().begin(), moved.features().end(), copied.features().begin(),
+                     copied.features().end()));
+    const VoxelField nothing = pruneField(copyField(field, field.topology()),
+                                          prune(field.topology(), std::vector<LeafMask>(field.topology().leafCount())));
+    CHECK(nothing.density().size() == 0);
 
     // Into a field with voxels of its own, those alone stay as they were.
     const Topology other = test::randomTopology(kDims, 0.02, 38);
