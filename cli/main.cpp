@@ -8,6 +8,7 @@
 #include <new>
 
 #include "cli/commands.h"
+#include "cli/process.h"
 #include "core/error.h"
 
 namespace {
@@ -73,6 +74,7 @@ int runProgram(int argc, char** argv) {
 
 int main(int argc, char** argv) {
     std::set_terminate(endAtOnce);
+    giveBackFreedMemory();
     try {
         return runProgram(argc, argv);
     } catch (const Interrupted& error) {

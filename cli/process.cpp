@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/process.h"
 
+#include <malloc.h>
 #include <sys/resource.h>
 #include <time.h>
 #include <unistd.h>
@@ -42,6 +43,13 @@ double secondsSinceProcessStart() {
         if (seconds >= at_least && seconds < at_least + 60) return seconds;
     }
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - static_start).count();
+}
+
+void giveBackFreedMemory() {
+#ifdef __GLIBC__
+    constexpr int kLarge = 1 << 20;  // bytes
+    mallopt(M_MMAP_THRESHOLD, kLarge);  // once said, it no longer grows with what is freed
+#endif
 }
 
 std::uint64_t peakMemoryBytes() {

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/train_blocks.h"
 
-#include <numeric>
-
 #include "cli/output_path.h"
 #include "cli/process.h"
 #include "cli/text.h"
