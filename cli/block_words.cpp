@@ -61,6 +61,8 @@ void BlockWords::check(const CLI::App& command) const {
     if (!isGiven()) return;
     if (command.count("--scene") > 0)
         throw UsageError("--blocks", "--scene too", "one of the two", "blocks are open scenes, each with a sky");
+    if (command.count("--voxel-size") > 0)
+        throw UsageError("--blocks", "--voxel-size too", "one of the two", "the number of blocks says how fine voxels are");
 }
 
 }  // namespace nerfvdb

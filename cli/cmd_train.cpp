@@ -17,6 +17,7 @@ struct TrainWords {
     std::string data, out, preset, time, steps, scene = "auto", background = "auto", exposure = "auto", max_memory, cache,
                 checkpoint_every;
     std::vector<double> bounds;
+    std::optional<double> voxel_size;
     std::uint64_t seed = TrainOptions{}.seed;
     bool resume = false, strict = false;
     PhotoWords photos;
@@ -46,6 +47,7 @@ TrainOptions trainOptions(const TrainWords& words) {
     if (!words.max_memory.empty()) options.max_memory_bytes = parseSize("--max-memory", words.max_memory);
     if (!words.checkpoint_every.empty())
         options.checkpoint_s = parseDuration("--checkpoint-every", words.checkpoint_every);
+    options.voxel_size = words.voxel_size;
     options.seed = words.seed;
     return options;
 }
@@ -53,7 +55,7 @@ TrainOptions trainOptions(const TrainWords& words) {
 /// What the checkpoint decides cannot be asked for again.
 void checkResume(const CLI::App& app) {
     for (const char* option :
-         {"--preset", "--time", "--steps", "--scene", "--background", "--exposure", "--bounds", "--seed"})
+         {"--preset", "--time", "--steps", "--scene", "--background", "--exposure", "--bounds", "--voxel-size", "--seed"})
         if (app.count(option) > 0)
             throw UsageError("--resume", std::string(option) + " too",
                              "plan, seed, background, exposure and box to be those of the checkpoint",
@@ -137,6 +139,10 @@ Command addTrain(CLI::App& program) {
         ->expected(6)
         ->delimiter(',')
         ->type_name("X0 Y0 Z0 X1 Y1 Z1");
+    app.add_option("--voxel-size", words->voxel_size,
+                   "Edge of a voxel at the end, in world units, in the inner box of an open scene [as fine as photographs show, "
+                   "at most 512 along the box]")
+        ->type_name("LENGTH");
     app.add_option("--max-memory", words->max_memory,
                    "Stop refining where training would need more: 4GB, 512MiB. Photographs that would take more than half "
                    "of it are decoded into a file on disk and read from there")
@@ -152,7 +158,7 @@ Command addTrain(CLI::App& program) {
     app.add_flag("--resume", words->resume,
                  "Continue from the checkpoint beside --out, on the same data. Plan, seed, background, exposure and "
                  "box are those of the checkpoint: no --preset, --time, --steps, --scene, --background, --exposure, "
-                 "--bounds, --seed");
+                 "--bounds, --voxel-size, --seed");
     app.add_flag("--strict", words->strict, "A frame without its image is an error, not a warning");
     words->photos.add(app);
     app.add_option("--seed", words->seed, "Same seed and --steps, same file, byte for byte [1]")

@@ -76,9 +76,13 @@ Box cubeAround(const Vec3d& center, double half) {
 }  // namespace
 
 BoxGrid gridOver(const Box& box, int resolution) {
+    return gridOfVoxels(box, box.size().maxCoeff() / (resolution - 1));
+}
+
+BoxGrid gridOfVoxels(const Box& box, double voxel_size) {
     BoxGrid grid;
     const Vec3d size = box.size();
-    grid.frame.voxel_size = size.maxCoeff() / (resolution - 1);
+    grid.frame.voxel_size = voxel_size;
     for (int axis = 0; axis < 3; ++axis) {
         const int voxels = static_cast<int>(std::ceil(size[axis] / grid.frame.voxel_size - 1e-6)) + 1;
         grid.dims[axis] = (voxels + kLeafDim - 1) / kLeafDim * kLeafDim;
@@ -89,12 +93,12 @@ BoxGrid gridOver(const Box& box, int resolution) {
     return grid;
 }
 
-BoxGrid gridAround(const Box& box, int resolution, int shells) {
+BoxGrid gridAround(const Box& box, double voxel_size, int shells) {
     constexpr int kMultiple = 8;  // what a shell leaves out ends between its cells, now and at every finer voxel size
     constexpr int kGap = 16;      // between shells: a leaf of a model's preview
     BoxGrid grid;
     const Vec3d size = box.size();
-    grid.frame.voxel_size = size.maxCoeff() / resolution;
+    grid.frame.voxel_size = voxel_size;
     for (int axis = 0; axis < 3; ++axis)
         grid.shells.extent[axis] =
             static_cast<int>(std::ceil(size[axis] / grid.frame.voxel_size / kMultiple - 1e-6)) * kMultiple;

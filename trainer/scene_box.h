@@ -18,8 +18,10 @@ struct BoxGrid {
     Shells shells;
 };
 BoxGrid gridOver(const Box& box, int resolution);
-/// The same in `shells` shells around the box, each as fine against its size; sides are rounded up to 8 cells.
-BoxGrid gridAround(const Box& box, int resolution, int shells);
+/// The same by the edge of a voxel, world units.
+BoxGrid gridOfVoxels(const Box& box, double voxel_size);
+/// A grid in `shells` shells around the box, shell 0 of the given voxels; sides are rounded up to 8 cells.
+BoxGrid gridAround(const Box& box, double voxel_size, int shells);
 
 /// Cells of a grid that no photograph rules out: those that at least `min_views` cameras see whole and, where photos
 /// have alpha, that no mask shows to be empty (the visual hull; Laurentini 1994). A cell stands for its bounding

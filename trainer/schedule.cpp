@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string>
 
 #include "core/error.h"
 
@@ -13,22 +14,26 @@ std::vector<Stage> defaultStages(int n_levels, double rays, double space) {
     // Many small batches while space is being carved, large ones once there is detail to learn: at 64 voxels a
     // large batch prunes nothing.
     constexpr int kBatch[kMaxLevels] = {512, 1024, 4096, 8192};
-    constexpr double kEnd[kMaxLevels] = {0.02, 0.06, 0.35, 1.0};  // of the time, when there are all levels
+    constexpr double kCoarse[2] = {0.02, 0.04};  // of the time, when there are all levels, ...
+    constexpr double kMiddle = 0.29;             // ... for all between these and the finest
     // However short the training, fog is carved away while rays are cheap, or it is learned, voxel by fine voxel.
-    constexpr double kCarvingRays[kMaxLevels] = {0.4e6, 1.5e6, 0, 0};
-    constexpr double kMostCarving[kMaxLevels] = {0.1, 0.3, 0, 0};  // of the time
-    if (n_levels < 1 || n_levels > kMaxLevels) throw UsageError("schedule: levels must be 1 to 4");
+    constexpr double kCarvingRays[2] = {0.4e6, 1.5e6};
+    constexpr double kMostCarving[2] = {0.1, 0.3};  // of the time
+    if (n_levels < 1 || n_levels > kMostLevels)
+        throw UsageError("schedule: levels must be 1 to " + std::to_string(kMostLevels));
+    const auto shareOf = [&](int level) {
+        if (level >= 2) return kMiddle / std::max(1, n_levels - 3);
+        const double carving = space * kCarvingRays[level] * relativeRayCost(level) / (rays * relativeRayCost(n_levels - 1));
+        return std::max(kCoarse[level], std::min(carving, kMostCarving[level]));
+    };
     std::vector<Stage> stages;
     double begin = 0;
     for (int level = 0; level < n_levels; ++level) {
         const bool is_finest = level + 1 == n_levels;
-        const double carving = space * kCarvingRays[level] * relativeRayCost(level) / (rays * relativeRayCost(n_levels - 1));
-        const double share = std::max(kEnd[level] - (level > 0 ? kEnd[level - 1] : 0.0),
-                                      std::min(carving, kMostCarving[level]));
-        const double end = is_finest ? 1.0 : begin + share;
+        const double end = is_finest ? 1.0 : begin + shareOf(level);
         const int n_parts = is_finest ? 2 : 1;
         for (int part = 0; part < n_parts; ++part)
-            stages.push_back({level, kBatch[level], (end - begin) / n_parts, 0});
+            stages.push_back({level, kBatch[std::min(level, kMaxLevels - 1)], (end - begin) / n_parts, 0});
         begin = end;
     }
     return stages;
@@ -36,7 +41,8 @@ std::vector<Stage> defaultStages(int n_levels, double rays, double space) {
 
 double relativeRayCost(int level) {
     constexpr double kCost[kMaxLevels] = {1.0, 1.15, 1.5, 2.1};
-    return kCost[std::clamp(level, 0, kMaxLevels - 1)];
+    constexpr double kGrowth = 1.3;  // beyond: fewer samples are in the cache
+    return kCost[std::clamp(level, 0, kMaxLevels - 1)] * std::pow(kGrowth, std::max(0, level - (kMaxLevels - 1)));
 }
 
 void planSteps(std::vector<Stage>& stages, std::int64_t total) {
@@ -55,17 +61,22 @@ void planSteps(std::vector<Stage>& stages, std::int64_t total) {
 int levelsForRays(double rays, int max_levels) {
     constexpr double kNeeded[kMaxLevels] = {0, 2e4, 4e5, 20e6};
     int levels = 1;
-    while (levels < max_levels && rays >= kNeeded[levels]) ++levels;
+    while (levels < std::min(max_levels, kMaxLevels) && rays >= kNeeded[levels]) ++levels;
     return levels;
+}
+
+std::vector<Stage> stagesOfLevels(std::int64_t total, int levels, double space) {
+    std::vector<Stage> stages = defaultStages(levels, std::numeric_limits<double>::infinity(), space);
+    planSteps(stages, total);
+    stages = defaultStages(levels, raysOf(stages), space);
+    planSteps(stages, total);
+    shareBySteps(stages);
+    return stages;
 }
 
 std::vector<Stage> stagesForSteps(std::int64_t total, int max_levels, double space) {
     for (int levels = max_levels;; --levels) {
-        std::vector<Stage> stages = defaultStages(levels, std::numeric_limits<double>::infinity(), space);
-        planSteps(stages, total);
-        stages = defaultStages(levels, raysOf(stages), space);
-        planSteps(stages, total);
-        shareBySteps(stages);
+        const std::vector<Stage> stages = stagesOfLevels(total, levels, space);
         if (levelsForRays(raysOf(stages), levels) == levels) return stages;
     }
 }

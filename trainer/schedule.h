@@ -18,9 +18,10 @@ struct Stage {
 };
 
 inline constexpr int kCoarsestResolution = 64;  // voxels along the longest side at level 0
-inline constexpr int kMaxLevels = 4;            // 64 to 512
+inline constexpr int kMaxLevels = 4;            // 64 to 512: what is chosen for a scene ...
+inline constexpr int kMostLevels = 10;          // ... and what can be asked for
 
-/// Stages for 1 to kMaxLevels levels, coarse to fine, for a training of about `rays` rays; the finest level has two
+/// Stages for 1 to kMostLevels levels, coarse to fine, for a training of about `rays` rays; the finest level has two
 /// (so that its second half can be planned from the cost of its first). Space of `space` times the cells of one full box
 /// takes so many times the rays to be carved.
 std::vector<Stage> defaultStages(int n_levels, double rays, double space = 1);
@@ -29,8 +30,10 @@ std::vector<Stage> defaultStages(int n_levels, double rays, double space = 1);
 /// that fine voxels would hardly be looked at. Measured: 512 voxels pay from about 20 million rays on.
 int levelsForRays(double rays, int max_levels);
 
-/// Stages for a total of `total` steps; the number of levels follows from levelsForRays.
+/// Stages for a total of `total` steps; the number of levels follows from levelsForRays ...
 std::vector<Stage> stagesForSteps(std::int64_t total, int max_levels, double space = 1);
+/// ... or is `levels`, however few rays there are.
+std::vector<Stage> stagesOfLevels(std::int64_t total, int levels, double space = 1);
 
 /// Fills in steps so that they sum to `total`, in proportion share / (cost of a step), with the relative cost per
 /// ray of a typical scene.

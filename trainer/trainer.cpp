@@ -17,6 +17,7 @@
 #include "trainer/faint_cells.h"
 #include "trainer/model_cameras.h"
 #include "trainer/scene_box.h"
+#include "trainer/seen_cells.h"
 #include "trainer/step_guard.h"
 #include "vdb/adapt.h"
 
@@ -30,6 +31,7 @@ constexpr float kInitialRaw = -4.19f;       // ... and starts at alpha 0.03 over
 constexpr float kOpenInitialRaw = -7;
 constexpr float kOpenMinSeen = 0.05f;       // there a cell that never gave a ray this share of its light is not divided
 constexpr int kSkyWidth = 512;              // texels around the horizon
+constexpr std::uint64_t kMostLooks = 4'000'000;  // rays through photographs before unseen cells are given up
 constexpr double kErrorMemory = 0.99;       // of the running mean of the error, per step
 constexpr double kVoxelPerPixel = 0.6;      // voxels smaller than this share of a pixel's width show nothing new
 constexpr double kTellSeconds = 2;          // between progress reports
@@ -73,6 +75,20 @@ int usefulLevels(const Dataset& dataset, const Box& box, double coarsest_voxel) 
     const double smallest = kVoxelPerPixel * pixel_sizes[pixel_sizes.size() / 2];
     int levels = 1;
     while (levels < kMaxLevels && coarsest_voxel / (1 << levels) >= smallest) ++levels;
+    return levels;
+}
+
+/// Number of levels that end with voxels of the asked edge, the coarsest with 32 to 64 of them along the longest side.
+int levelsForVoxel(double side, double voxel_size) {
+    const double finest = side / std::ldexp(kCoarsestResolution, kMostLevels - 1), coarsest = side / kLeafDim;
+    if (!(voxel_size >= finest) || !(voxel_size <= coarsest)) {
+        char found[64], expected[96];
+        std::snprintf(found, sizeof found, "%.4g world units", voxel_size);
+        std::snprintf(expected, sizeof expected, "%.4g to %.4g, for a box %.4g long", finest, coarsest, side);
+        throw UsageError("--voxel-size", found, expected, "--bounds says which box");
+    }
+    int levels = 1;
+    while (std::ldexp(voxel_size, levels - 1) * kCoarsestResolution < side * (1 - 1e-9)) ++levels;
     return levels;
 }
 
@@ -127,6 +143,7 @@ private:
     void boundMappedPhotos();
     std::size_t memoryFor(const Topology& topology) const;  // of photographs, voxels and moments, bytes
     void chooseBackground();
+    std::vector<Stage> defaultPlan(std::int64_t steps) const;
     void planFromOptions();
     void checkFinestVoxel(const Box& box, double coarsest_voxel) const;
     void replanForTime();
@@ -135,6 +152,7 @@ private:
     void enterStage();
     void settleExposure();
     void refine();
+    void lookAgain();
     void updateSource();
     void updateOccupancy();
     StepRates rates() const;
@@ -183,8 +201,12 @@ void Training::start() {
     const SceneShells scene = isOpen() ? findSceneShells(dataset_, options_.bounds)
                                        : SceneShells{findSceneBox(dataset_, options_.bounds), 1};
     const Box& box = scene.inner;
-    const BoxGrid grid = isOpen() ? gridAround(box, kCoarsestResolution, scene.count)
-                                  : gridOver(box, kCoarsestResolution);
+    const double side = box.size().maxCoeff();
+    const int asked_levels = options_.voxel_size ? levelsForVoxel(side, *options_.voxel_size) : 0;
+    const double coarsest = options_.voxel_size ? std::ldexp(*options_.voxel_size, asked_levels - 1)
+                            : isOpen()          ? side / kCoarsestResolution
+                                                : side / (kCoarsestResolution - 1);
+    const BoxGrid grid = isOpen() ? gridAround(box, coarsest, scene.count) : gridOfVoxels(box, coarsest);
     // Without a view nothing is ruled out.
     Topology topology(grid.dims, keepsUnseen()
                                      ? possibleCells({}, grid, 0)
@@ -222,7 +244,8 @@ void Training::start() {
     place_.tries_exposure = options_.exposure == ExposureMode::automatic && !dataset_.has_alpha;
     if (place_.tries_exposure || options_.exposure == ExposureMode::on)
         state_.exposures = Exposures(dataset_.views.size(), /*with_background=*/!dataset_.has_alpha);
-    max_levels_ = std::min(plan.max_levels, usefulLevels(dataset_, box, grid.frame.voxel_size));
+    max_levels_ = options_.voxel_size ? asked_levels
+                                      : std::min(plan.max_levels, usefulLevels(dataset_, box, grid.frame.voxel_size));
     planFromOptions();
     checkFinestVoxel(box, grid.frame.voxel_size);
     updateOccupancy();
@@ -287,23 +310,32 @@ void Training::chooseBackground() {
     }
 }
 
+std::vector<Stage> Training::defaultPlan(std::int64_t steps) const {
+    return options_.voxel_size ? stagesOfLevels(steps, max_levels_, carvedSpace())
+                               : stagesForSteps(steps, max_levels_, carvedSpace());
+}
+
 void Training::planFromOptions() {
     const std::vector<std::int64_t>& steps = options_.steps;
     for (const std::int64_t n : steps)
         if (n < 1) throw UsageError("--steps", std::to_string(n), "at least one step in each stage");
     if (steps.size() > 1) {
-        if (steps.size() > kMaxLevels + 1)
+        if (options_.voxel_size && steps.size() != static_cast<std::size_t>(max_levels_) + 1)
+            throw UsageError("--steps", std::to_string(steps.size()) + " stages",
+                             std::to_string(max_levels_ + 1) + ", as --voxel-size needs " + std::to_string(max_levels_) +
+                                 " levels",
+                             "give one number for a default plan");
+        if (!options_.voxel_size && steps.size() > kMaxLevels + 1)
             throw UsageError("--steps", std::to_string(steps.size()) + " stages",
                              "2 to " + std::to_string(kMaxLevels + 1), "give one number for a default plan");
         place_.stages = defaultStages(static_cast<int>(steps.size()) - 1, /*rays=*/1);
         for (std::size_t s = 0; s < steps.size(); ++s) place_.stages[s].steps = steps[s];
         shareBySteps(place_.stages);
     } else if (steps.size() == 1 || !options_.time_s) {
-        place_.stages =
-            stagesForSteps(steps.empty() ? planFor(options_).steps : steps.front(), max_levels_, carvedSpace());
+        place_.stages = defaultPlan(steps.empty() ? planFor(options_).steps : steps.front());
     } else {
         // Until its cost is known: enough for the first stage to be measured in.
-        place_.stages = stagesForSteps(planFor(options_).steps, max_levels_, carvedSpace());
+        place_.stages = defaultPlan(planFor(options_).steps);
         plans_time_ = true;
     }
     if (!plans_time_) report_.info("plan: " + scheduleText(place_.stages) + " steps");
@@ -327,7 +359,7 @@ void Training::replanForTime() {
     const double left = *options_.time_s - options_.elapsed_s - clock_.seconds() - reserve;
     if (place_.stage == 0) {
         const auto raysAt = [&](int level) { return left * stage().batch / (step_seconds_ * relativeRayCost(level)); };
-        const int levels = levelsForRays(raysAt(2), max_levels_);
+        const int levels = options_.voxel_size ? max_levels_ : levelsForRays(raysAt(2), max_levels_);
         place_.stages = defaultStages(levels, raysAt(levels - 1), carvedSpace());
     }
     planTime(place_.stages, place_.stage, place_.step_in_stage, step_seconds_, left);
@@ -372,7 +404,7 @@ StepRates Training::rates() const {
     rates.sky_smoothing *= factor;
     rates.exposure *= factor;
     // As smooth per world unit at every level: at large voxels neighbours differ more, and smoothing helps less.
-    rates.density_smoothing *= static_cast<float>(std::exp2(place_.stages[place_.stage].level - (kMaxLevels - 1)));
+    rates.density_smoothing *= static_cast<float>(std::exp2(std::min(0, place_.stages[place_.stage].level - (kMaxLevels - 1))));
     return rates;
 }
 
@@ -458,10 +490,23 @@ void Training::stepOnce() {
     step_seconds_ = step_seconds_ == 0 ? seconds : kMemory * step_seconds_ + (1 - kMemory) * seconds;
 }
 
+/// Looks through all photographs for what they see, unless training has drawn as many rays at this level.
+void Training::lookAgain() {
+    const int level = place_.stages[place_.stage - 1].level;
+    double drawn = 0;
+    for (std::size_t s = 0; s < place_.stage; ++s)
+        if (place_.stages[s].level == level) drawn += static_cast<double>(place_.stages[s].steps) * place_.stages[s].batch;
+    int stride = strideOfLooks(dataset_, state_.field);
+    if (static_cast<double>(raysOfLooks(dataset_, stride)) <= drawn) return;
+    while (raysOfLooks(dataset_, stride) > kMostLooks) ++stride;
+    markSeenCells(dataset_, state_.field, state_.occupancy, state_.min_seen, stride, state_.seen);
+}
+
 void Training::refine() {
     updateOccupancy();
     std::vector<LeafMask> keep = state_.occupancy.cells;
     if (!keepsUnseen()) {
+        if (state_.min_seen > 0) lookAgain();
         const std::vector<LeafMask> seen = dilateCells(state_.field.topology(), state_.seen);
         for (std::size_t leaf = 0; leaf < keep.size(); ++leaf)
             for (int word = 0; word < kLeafWords; ++word) keep[leaf][word] &= seen[leaf][word];

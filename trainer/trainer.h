@@ -31,6 +31,7 @@ struct TrainOptions {
     ExposureMode exposure = ExposureMode::automatic;  // on where photographs without alpha differ by it
     SceneExtent extent = SceneExtent::automatic;
     std::optional<Box> bounds;                  // world units; of an open scene, its inner box
+    std::optional<double> voxel_size;           // world units, at the end (of the inner box); absent: by what photographs show
     std::optional<std::size_t> max_memory_bytes;
     double checkpoint_s = 60;                   // between checkpoints, and longer where they would halt training for more
                                                 // than 2 % of the time

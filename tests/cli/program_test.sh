@@ -273,6 +273,13 @@ JSON
     expect 1 mesh model.vdb --compare absent.ply
     says err "absent.ply"
     [[ -s mesh.glb && -s mesh.stl ]] || fail "a mesh is missing"
+    expect 0 train data --out sized.vdb --voxel-size 0.05 --steps 60
+    expect 0 info sized.vdb
+    says out "voxels of 0.05 world units"
+    expect 2 train data --out sized.vdb --voxel-size 50 --steps 60
+    says err "--voxel-size: found 50 world units"
+    expect 2 train data --out sized.vdb --voxel-size 0.05 --steps 60,60,60,60,60,60,60
+    says err "--steps: found 7 stages"
     expect 0 mesh model.vdb --out whole.ply --keep-islands --no-colours
     expect 0 mesh model.vdb --out streamed.ply --stream --no-colours
     cmp whole.ply streamed.ply || fail "a stream is another mesh"
@@ -523,6 +530,8 @@ test_blocks() {
     says err "0,0 to 1,0"
     expect 2 train data --out other --blocks 2x1 --scene box
     says err "--scene"
+    expect 2 train data --out other --blocks 2x1 --voxel-size 0.1
+    says err "--voxel-size"
     expect 2 train data --out other --blocks 2by1
     says err "such as 3x2"
 

@@ -35,7 +35,6 @@ TEST_CASE("stages go from coarse to fine, share all of the time, and end with tw
             CHECK(shares == Approx(1));
         }
     CHECK_THROWS_AS(defaultStages(0, 1e6), UsageError);
-    CHECK_THROWS_AS(defaultStages(kMaxLevels + 1, 1e6), UsageError);
 }
 
 TEST_CASE("planned steps sum to the total, in proportion to share over cost") {
@@ -162,4 +161,23 @@ TEST_CASE("rates stay, then fall without a jump, and end well above zero") {
         CHECK(rateFactor(progress + 0.01) <= rateFactor(progress));
         CHECK(rateFactor(progress + 0.01) > 0.9 * rateFactor(progress));
     }
+}
+
+TEST_CASE("levels that are asked for are planned, however few the rays, and finer ones share the middle of the time") {
+    for (int levels = 1; levels <= kMostLevels; ++levels) {
+        const std::vector<Stage> stages = stagesOfLevels(3000, levels);
+        CHECK(stages.size() == static_cast<std::size_t>(levels) + 1);
+        CHECK(stages.back().level == levels - 1);
+        CHECK(totalSteps(stages) == 3000);
+        double sum = 0;
+        for (const Stage& stage : stages) {
+            CHECK(stage.share > 0);
+            CHECK(stage.batch > 0);
+            sum += stage.share;
+        }
+        CHECK(sum == Approx(1));
+        if (levels > kMaxLevels) CHECK(stages[2].share / stages[3].share == Approx(1).epsilon(0.05));  // whole steps
+        for (int level = 1; level < levels; ++level) CHECK(relativeRayCost(level) > relativeRayCost(level - 1));
+    }
+    CHECK_THROWS_AS(defaultStages(kMostLevels + 1, 1e6), UsageError);
 }
