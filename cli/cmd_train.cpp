@@ -144,11 +144,12 @@ Command addTrain(CLI::App& program) {
                    "at most 512 along the box]")
         ->type_name("LENGTH");
     app.add_option("--max-memory", words->max_memory,
-                   "Stop refining where training would need more: 4GB, 512MiB. Photographs that would take more than half "
-                   "of it are decoded into a file on disk and read from there")
+                   "Stop refining where the program would need more: 4GB, 512MiB. Photographs that would take more than "
+                   "half of what the program leaves (130 MiB less) are decoded into a file on disk and read from there")
         ->type_name("SIZE");
     app.add_option("--cache", words->cache,
-                   "Folder for that file; it has no name and is gone when the program ends [that of --out]")
+                   "Folder for such a file, which has no name and is gone when the program ends [that of --out]; given, "
+                   "photographs are read from there in any case")
         ->type_name("DIR");
     words->blocks.add(app);
     app.add_option("--checkpoint-every", words->checkpoint_every,

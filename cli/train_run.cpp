@@ -9,6 +9,7 @@
 #include "cli/text.h"
 #include "core/error.h"
 #include "trainer/downscale.h"
+#include "trainer/memory_plan.h"
 #include "trainer/model_cameras.h"
 #include "vdb/model_file.h"
 
@@ -17,7 +18,8 @@ namespace {
 
 Dataset readPhotographs(const TrainRun& run, Report& report) {
     DatasetOptions photographs = run.photographs;
-    if (run.options.max_memory_bytes) photographs.max_photo_bytes = *run.options.max_memory_bytes / 2;
+    if (!run.cache.empty()) photographs.max_photo_bytes = 0;
+    else if (run.options.max_memory_bytes) photographs.max_photo_bytes = photographRoom(*run.options.max_memory_bytes);
     photographs.cache_folder = run.cache.empty() ? run.out.parent_path() : run.cache;
     Dataset dataset = readDataset(run.data, Split::train, photographs, report);
     if (!dataset.views.empty()) {

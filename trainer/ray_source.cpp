@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/parallel.h"
+#include "core/photo_cache.h"
 #include "core/random.h"
 
 namespace nerfvdb {
@@ -77,6 +78,11 @@ void RaySource::useAll() {
             for (int x = 0; x < tilesAlong(dataset_->views[v].camera.width); ++x)
                 tiles_.push_back({static_cast<std::uint16_t>(v), static_cast<std::uint16_t>(x),
                                   static_cast<std::uint16_t>(y)});
+}
+
+void RaySource::boundMapped() const {
+    if (!mapped_limit_ || mappedFileBytes() <= *mapped_limit_) return;
+    for (const View& view : dataset_->views) releasePages(view.photo);
 }
 
 RaySource::Pick RaySource::pick(std::uint64_t step, std::uint64_t index) const {

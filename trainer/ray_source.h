@@ -3,7 +3,9 @@
 // one that a mask leaves out.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "trainer/dataset.h"
@@ -37,6 +39,12 @@ public:
     /// Sends for the pixel that draw will read; photographs lie in main memory, and any of them may be next.
     void prefetch(std::uint64_t step, std::uint64_t index) const;
 
+    /// Photographs on disk count as this process's memory where they were read, until they are let go: they are, by
+    /// boundMapped, when the process has mapped more than so many bytes of files.
+    void limitMapped(std::size_t bytes) { mapped_limit_ = bytes; }
+    /// To be called often; costs nothing without a limit. Threads: any.
+    void boundMapped() const;
+
     std::size_t tileCount() const { return tiles_.size(); }
 
 private:
@@ -52,6 +60,7 @@ private:
 
     const Dataset* dataset_;
     std::uint64_t seed_;
+    std::optional<std::size_t> mapped_limit_;
     std::vector<Tile> tiles_;
 };
 

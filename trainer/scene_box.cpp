@@ -4,37 +4,66 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "core/photo_cache.h"
 
 namespace nerfvdb {
 namespace {
 
 constexpr int kSearchResolution = 64;
 
-/// Number of pixels that are not fully transparent in any rectangle, in four reads (Crow 1984).
+/// Whether a rectangle of a photograph has a pixel that is not transparent: a bit a pixel, in blocks of 8x8, and how
+/// many blocks above and left of a block have one.
 class AlphaTable {
 public:
-    explicit AlphaTable(const Photo& photo) : width_(photo.width), height_(photo.height) {
-        sums_.assign(static_cast<std::size_t>(width_ + 1) * (height_ + 1), 0);
-        for (int y = 0; y < height_; ++y) {
-            std::uint32_t row = 0;
-            for (int x = 0; x < width_; ++x) {
-                row += photo.at(x, y)[3] > 0;
-                at(x + 1, y + 1) = at(x + 1, y) + row;
+    explicit AlphaTable(const Photo& photo)
+        : width_((photo.width + 7) / 8), height_((photo.height + 7) / 8),
+          blocks_(static_cast<std::size_t>(width_) * height_),
+          sums_(static_cast<std::size_t>(width_ + 1) * (height_ + 1)) {
+        for (int y = 0; y < photo.height; ++y)
+            for (int x = 0; x < photo.width; ++x)
+                if (photo.at(x, y)[3] > 0) blocks_[block(x / 8, y / 8)] |= std::uint64_t{1} << ((y & 7) * 8 + (x & 7));
+        for (int y = 0; y < height_; ++y)
+            for (int x = 0; x < width_; ++x)
+                sums_[sum(x + 1, y + 1)] =
+                    sums_[sum(x, y + 1)] + sums_[sum(x + 1, y)] - sums_[sum(x, y)] + (blocks_[block(x, y)] != 0);
+        releasePages(photo);
+    }
+    /// Pixels from (x0, y0) to before (x1, y1), all in the photograph, and at least one.
+    bool hasAny(int x0, int y0, int x1, int y1) const {
+        // Whole blocks ...
+        const int left = (x0 + 7) / 8, top = (y0 + 7) / 8, right = x1 / 8, bottom = y1 / 8;
+        if (left < right && top < bottom &&
+            sums_[sum(right, bottom)] + sums_[sum(left, top)] != sums_[sum(left, bottom)] + sums_[sum(right, top)])
+            return true;
+        // ... and those on the border, in part.
+        for (int y = y0 / 8; y <= (y1 - 1) / 8; ++y) {
+            const bool is_whole_row = y >= top && y < bottom;
+            for (int x = x0 / 8; x <= (x1 - 1) / 8; ++x) {
+                if (is_whole_row && x >= left && x < right) x = right;  // to what lies behind the whole ones
+                if (x > (x1 - 1) / 8) break;
+                if (blocks_[block(x, y)] & part(x0 - 8 * x, x1 - 8 * x, y0 - 8 * y, y1 - 8 * y)) return true;
             }
         }
-    }
-    /// Pixels [x0, x1) x [y0, y1), inside the image.
-    std::uint32_t count(int x0, int y0, int x1, int y1) const {
-        return at(x1, y1) - at(x0, y1) - at(x1, y0) + at(x0, y0);
+        return false;
     }
 
 private:
-    std::uint32_t& at(int x, int y) { return sums_[static_cast<std::size_t>(y) * (width_ + 1) + x]; }
-    std::uint32_t at(int x, int y) const { return sums_[static_cast<std::size_t>(y) * (width_ + 1) + x]; }
-    int width_, height_;
+    std::size_t block(int x, int y) const { return static_cast<std::size_t>(y) * width_ + x; }
+    std::size_t sum(int x, int y) const { return static_cast<std::size_t>(y) * (width_ + 1) + x; }
+    /// Bits of the pixels from (x0, y0) to before (x1, y1) of a block.
+    static std::uint64_t part(int x0, int x1, int y0, int y1) {
+        x0 = std::max(x0, 0), y0 = std::max(y0, 0), x1 = std::min(x1, 8), y1 = std::min(y1, 8);
+        const std::uint64_t row = (std::uint64_t{1} << x1) - (std::uint64_t{1} << x0);
+        std::uint64_t bits = 0;
+        for (int y = y0; y < y1; ++y) bits |= row << 8 * y;
+        return bits;
+    }
+    int width_, height_;  // in blocks
+    std::vector<std::uint64_t> blocks_;
     std::vector<std::uint32_t> sums_;
 };
 
@@ -51,7 +80,7 @@ Sight lookAtSphere(const Camera& camera, const AlphaTable* alpha, const Vec3d& c
     const int y1 = inReach(std::ceil(disc->center.y() + disc->radius), camera.height);
     if (x1 <= 0 || y1 <= 0 || x0 >= camera.width || y0 >= camera.height) return Sight::unseen;
     if (x0 < 0 || y0 < 0 || x1 > camera.width || y1 > camera.height) return Sight::partly;
-    if (alpha && alpha->count(x0, y0, x1, y1) == 0) return Sight::empty;
+    if (alpha && !alpha->hasAny(x0, y0, x1, y1)) return Sight::empty;
     return Sight::filled;
 }
 

@@ -116,6 +116,7 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
     RayTracer& tracer = worker.tracer;
     tracer.clear();
     tracer.resetCounters();
+    source.boundMapped();
     for (int r = 0; r < n_rays; ++r) source.prefetch(step, static_cast<std::uint64_t>(first_ray + r));
     for (int r = 0; r < n_rays; ++r) {
         worker.rays[r] = source.draw(step, static_cast<std::uint64_t>(first_ray + r));

@@ -10,11 +10,13 @@
 
 #include "core/error.h"
 #include "core/metrics.h"
+#include "core/parallel.h"
 #include "core/photo_cache.h"
 #include "trainer/checkpoint.h"
 #include "trainer/checkpoint_writer.h"
 #include "trainer/dataset_hash.h"
 #include "trainer/faint_cells.h"
+#include "trainer/memory_plan.h"
 #include "trainer/model_cameras.h"
 #include "trainer/scene_box.h"
 #include "trainer/seen_cells.h"
@@ -140,8 +142,8 @@ private:
     double carvedSpace() const { return 1 + 0.875 * (state_.field.shells().count - 1); }
     bool photosOnDisk() const { return !dataset_.views.empty() && dataset_.views.front().photo.tiles != nullptr; }
     std::size_t mappedPhotoBytes() const;  // of photographs on disk that may stand in memory at once
-    void boundMappedPhotos();
-    std::size_t memoryFor(const Topology& topology) const;  // of photographs, voxels and moments, bytes
+    MemoryPlan memoryPlan() const;
+    void checkMemory() const;
     void chooseBackground();
     std::vector<Stage> defaultPlan(std::int64_t steps) const;
     void planFromOptions();
@@ -174,6 +176,7 @@ private:
     const std::filesystem::path& checkpoint_;
     CheckpointWriter writer_;
 
+    const std::size_t mapped_before_ = mappedFileBytes();  // by the program itself
     RaySource source_;
     TrainState state_;
     TrainPlace place_;
@@ -215,13 +218,9 @@ void Training::start() {
         throw DataError(dataset_.root.string(), "no point of the scene's box in view of two cameras",
                         "cameras that look at a common scene", "check the poses, or give --bounds");
 
+    if (photosOnDisk()) source_.limitMapped(mapped_before_ + mappedPhotoBytes() / 2);  // more is mapped until the next look
     const PresetPlan plan = planFor(options_);
     state_.decoder = Decoder(plan.channels, options_.seed, plan.decoder_width);
-    if (options_.max_memory_bytes && memoryFor(topology) > *options_.max_memory_bytes)
-        throw UsageError("--max-memory", std::to_string(*options_.max_memory_bytes >> 20) + " MiB",
-                         "at least " + std::to_string((memoryFor(topology) >> 20) + 1) +
-                             " MiB, for the photographs and the coarsest voxels",
-                         "allow more, or use fewer or smaller photographs");
     state_.field = VoxelField(std::move(topology), grid.frame, grid.shells, plan.channels,
                               kUnitsPerBox / box.size().maxCoeff());
     // Alpha says already what is not the scene: no fog hides anything, and there is no sky.
@@ -248,7 +247,17 @@ void Training::start() {
                                       : std::min(plan.max_levels, usefulLevels(dataset_, box, grid.frame.voxel_size));
     planFromOptions();
     checkFinestVoxel(box, grid.frame.voxel_size);
+    checkMemory();
     updateOccupancy();
+}
+
+void Training::checkMemory() const {
+    const std::size_t needed = memoryPlan().training(state_.field.topology().leafCount());
+    if (!options_.max_memory_bytes || needed <= *options_.max_memory_bytes) return;
+    throw UsageError("--max-memory", std::to_string(*options_.max_memory_bytes >> 20) + " MiB",
+                     "at least " + std::to_string((needed >> 20) + 1) +
+                         " MiB, for the program, the photographs and the coarsest voxels",
+                     "allow more, or use fewer or smaller photographs");
 }
 
 void Training::resume() {
@@ -263,6 +272,7 @@ void Training::resume() {
                         "those of " + dataset_.root.string(),
                         "resume with the data that it was made from, or train without --resume");
     source_ = RaySource(dataset_, place_.seed);
+    if (photosOnDisk()) source_.limitMapped(mapped_before_ + mappedPhotoBytes() / 2);  // more is mapped until the next look
     updateSource();
     report_.info("resuming at step " + std::to_string(place_.step) + " of " + std::to_string(totalSteps()));
 }
@@ -277,18 +287,13 @@ std::size_t Training::mappedPhotoBytes() const {
     return options_.max_memory_bytes.value_or(std::size_t{8} << 30) / kShare;
 }
 
-/// What was mapped counts as this process's memory until it is let go, though the system could take it at any time.
-void Training::boundMappedPhotos() {
-    if (!photosOnDisk() || mappedFileBytes() <= mappedPhotoBytes()) return;
-    for (const View& view : dataset_.views) releasePages(view.photo);
-}
-
-std::size_t Training::memoryFor(const Topology& topology) const {
+MemoryPlan Training::memoryPlan() const {
     std::size_t photographs = 0;
-    for (const View& view : dataset_.views) photographs += view.photo.pixels.size() * sizeof view.photo.pixels[0];
-    if (photosOnDisk()) photographs += mappedPhotoBytes();
-    // A density, its moment and one moment for all features stand beside the features.
-    return photographs + topology.leafCount() * kLeafVoxels * (state_.decoder.channels() + 3) * sizeof(float);
+    for (const View& view : dataset_.views) photographs += view.photo.pixelCount() * sizeof(Photo::Pixel);
+    if (photosOnDisk()) photographs = std::min(photographs, mappedPhotoBytes());
+    int largest_batch = 0;
+    for (const Stage& stage : place_.stages) largest_batch = std::max(largest_batch, stage.batch);
+    return {photographs, state_.decoder.channels(), largest_batch, threadCount()};
 }
 
 void Training::chooseBackground() {
@@ -470,7 +475,6 @@ bool Training::runStage() {
 
 void Training::stepOnce() {
     const double begin = clock_.seconds();
-    boundMappedPhotos();
     const StepReport result = guard_.step(stepper_, state_, source_, static_cast<std::uint64_t>(place_.step),
                                           stage().batch, rates(), trace_);
     if (!result.is_finite) {
@@ -514,7 +518,7 @@ void Training::refine() {
     const Topology coarse = state_.field.topology();
     Topology fine_topology = subdivide(coarse, keep);
 
-    const std::size_t fine_bytes = memoryFor(fine_topology);
+    const std::size_t fine_bytes = memoryPlan().refining(coarse.leafCount(), fine_topology.leafCount());
     if (options_.max_memory_bytes && fine_bytes > *options_.max_memory_bytes) {
         notes_.push_back("stayed at voxels of " + std::to_string(state_.field.frame().voxel_size) +
                          ": finer ones need " + std::to_string(fine_bytes >> 20) + " MiB, --max-memory allows " +
@@ -608,7 +612,8 @@ void Training::takeOutcome(const std::optional<std::string>& error) {
 
 bool Training::hasRoomForCopy() const {
     return !options_.max_memory_bytes ||
-           memoryFor(state_.field.topology()) + checkpointBytes(state_, place_) <= *options_.max_memory_bytes;
+           memoryPlan().training(state_.field.topology().leafCount()) + checkpointBytes(state_, place_) <=
+               *options_.max_memory_bytes;
 }
 
 TrainResult Training::finish(bool interrupted) {

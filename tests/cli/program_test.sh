@@ -572,13 +572,13 @@ test_photographs() {
     has_keys train.json downscale masked_share exposure_learned exposure_gains
     says train.json '"exposure_learned": false'
 
-    # Photographs of 9.3 MiB that may take 9 MiB are read from disk; nothing is left there.
-    expect 0 synth sphere --out large --views 12 --val-views 0 --test-views 0 --width 450 --height 450 --no-truth
-    expect 0 train large --out cached.vdb --steps 30 --max-memory 18MiB --cache scratch --json cached.json
-    says err "photographs of 9 MiB are kept on disk, in scratch"
+    # Photographs that are read from disk teach the same; nothing is left there.
+    expect 0 train data --out cached.vdb --steps 60 --cache scratch --json cached.json
+    says err "photographs of 0 MiB are kept on disk, in scratch"
     says cached.json "read from a cache on disk"
+    cmp cached.vdb model.vdb || fail "photographs on disk teach something else"
     [[ -z "$(ls -A scratch)" ]] || fail "left in the cache: $(ls -A scratch)"
-    expect 1 train large --out cached.vdb --steps 30 --max-memory 18MiB --cache large/transforms_train.json
+    expect 1 train data --out cached.vdb --steps 60 --cache data/transforms_train.json
     says err "--cache"
 
     # Exposure, and photographs of half the size.
@@ -740,6 +740,14 @@ on_small_disk() (
     "$@"
 )
 
+# silently CODE ARGUMENT...: as expect, with nowhere to write the words.
+silently() {
+    local wanted=$1 code=0
+    shift
+    "$program" "$@" >/dev/null 2>&1 || code=$?
+    [[ $code -eq $wanted ]] || fail "exit code $code, expected $wanted: nerfvdb $*"
+}
+
 test_full_disk() {
     local file
     tiny_scene --no-truth
@@ -761,6 +769,76 @@ test_full_disk() {
         cmp $file earlier/$file || fail "a failed run changed $file"
     done
     [[ -z "$(find . -name '*.part*')" ]] || fail "left behind: $(ls)"
+}
+
+# Commands that write, as lines "OUTPUT WORDS...": what stands at OUTPUT must survive what goes wrong.
+readonly writers="\
+volume.vdb export model.vdb --out volume.vdb --fit 0
+mesh.ply mesh model.vdb --out mesh.ply
+mesh.obj mesh model.vdb --out mesh.obj
+mesh.glb mesh model.vdb --out mesh.glb
+views/0000.png render model.vdb --data data --split test --out views
+orbit/0000.png render model.vdb --orbit 1 --width 200 --height 200 --out orbit
+saved/0000.png eval model.vdb data --save saved
+scores.json eval model.vdb data --json scores.json
+made/transforms_train.json synth sphere --out made --views 2 --val-views 0 --test-views 0 --width 48 --height 48 --no-truth"
+
+test_full_disk_others() {
+    local output words
+    tiny_scene --no-truth
+    tiny_model
+    while read -r output words; do
+        # shellcheck disable=SC2086
+        expect 0 $words
+        [[ -s $output ]] || fail "no $output"
+        cp "$output" earlier
+        # No file can have a byte.
+        # shellcheck disable=SC2086
+        on_small_disk 0 silently 1 $words
+        cmp "$output" earlier || fail "a full disk cost $output"
+        [[ -z "$(find . -name '*.part*')" ]] || fail "left behind by $words: $(find . -name '*.part*')"
+        # A little, but not enough.
+        if (($(bytes "$output") > 2048)); then
+            # shellcheck disable=SC2086
+            on_small_disk 1 expect 1 $words
+            says err "$output"
+            cmp "$output" earlier || fail "a disk that was nearly full cost $output"
+            [[ -z "$(find . -name '*.part*')" ]] || fail "left behind by $words: $(find . -name '*.part*')"
+        fi
+    done <<<"$writers"
+}
+
+test_bad_places() {
+    local output words name place
+    tiny_scene --no-truth
+    tiny_model
+    while read -r output words; do
+        name=${output%%/*}
+        rm -rf "$name"
+        if [[ $name == "$output" ]]; then mkdir "$name"; else printf 'a file\n' >"$name"; fi
+        # shellcheck disable=SC2086
+        expect 1 $words
+        says err "$name"
+        # Nobody may write there, whoever runs the tests.
+        place=/proc/$name
+        # shellcheck disable=SC2086
+        expect 1 ${words// $name/ $place}
+        says err "/proc"
+        if [[ $name == "$output" ]]; then rmdir "$name"; else [[ "$(cat "$name")" == "a file" ]] || fail "$name was a file"; fi
+        rm -rf "$name"
+    done <<<"$writers"
+    with_fake_colmap
+    (cd data/train && ls) >fake/registered.0
+    printf 'a file\n' >place
+    expect 1 prepare data/train --out place
+    says err "place"
+    [[ "$(cat place)" == "a file" ]] || fail "prepare changed a file"
+    expect 1 prepare data/train --out /proc/place
+    says err "/proc/place"
+    on_small_disk 0 silently 1 prepare data/train --out prepared
+    [[ ! -e prepared/sparse/0/images.bin ]] || fail "prepare made a data set on a full disk"
+    expect 0 prepare data/train --out prepared
+    [[ -s prepared/sparse/0/images.bin ]] || fail "prepare could not go on"
 }
 
 "test_$case_name"
