@@ -39,8 +39,8 @@ RunFacts factsFrom(const JsonNode& node) {
     facts.commit = node.at("commit").text();
     facts.compiler = node.at("compiler").text();
     facts.cpu = node.at("cpu").text();
-    facts.cores = static_cast<int>(node.at("cores").number());
-    facts.threads = static_cast<int>(node.at("threads").number());
+    facts.cores = node.at("cores").wholeNumber(0, 1 << 20);
+    facts.threads = node.at("threads").wholeNumber(0, 1 << 20);
     facts.simd_target = node.at("simd_target").text();
     facts.date = node.at("date").text();
     facts.load = node.at("load").number();

@@ -6,7 +6,9 @@
 #include <OpenImageIO/imageio.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <fstream>
 #include <memory>
 #include <string>
 
@@ -24,6 +26,15 @@ using OIIO::TypeDesc;
 namespace fs = std::filesystem;
 
 constexpr std::int64_t kMaxPixels = std::int64_t{1} << 28;  // 16384 x 16384: beyond it a header is damaged
+constexpr int kMaxChannels = 256;
+
+/// The most pixels that so many bytes can hold: deflate packs 1032 to one, and of 1-bit pixels 8 are a byte. A header
+/// that states more would have them allocated before anything is found missing.
+std::int64_t mostPixels(std::uintmax_t file_bytes) {
+    constexpr std::uintmax_t kPixelsInByte = 16384;
+    return file_bytes > kMaxPixels / kPixelsInByte ? kMaxPixels
+                                                   : static_cast<std::int64_t>(file_bytes * kPixelsInByte);
+}
 
 /// Parallelism is ours (parallel.h): one picture, one thread, in the library and in OpenEXR below it.
 void quietenOpenImageIO() {
@@ -41,22 +52,40 @@ void quietenOpenImageIO() {
 
 std::string firstLine(const std::string& text) { return text.substr(0, text.find('\n')); }
 
+/// OpenImageIO would try its other formats on a file of any name, down to ones that few ever looked at.
+bool isKnownFormat(std::string_view bytes) {
+    using namespace std::string_view_literals;
+    return bytes.starts_with("\x89PNG\r\n\x1a\n"sv) || bytes.starts_with("\xFF\xD8\xFF"sv) ||
+           bytes.starts_with("\x76\x2f\x31\x01"sv);  // OpenEXR
+}
+
+/// Refuses what is no picture by its first bytes.
+void checkBeginning(const fs::path& path) {
+    std::error_code unreadable;
+    if (!fs::exists(path, unreadable)) throw IoError(path.string(), "No such file or directory", "an image", "check the name");
+    std::array<char, 8> first{};
+    std::ifstream file(path, std::ios::binary);
+    file.read(first.data(), first.size());
+    if (!file && !file.eof()) throw IoError(path.string(), "a file that cannot be read", "an image", "check permissions");
+    const std::string_view bytes(first.data(), static_cast<std::size_t>(file.gcount()));
+    if (!isKnownFormat(bytes))
+        throwUndecodable(path, bytes.empty() ? "an empty file" : "a file that begins as no image of these kinds");
+}
+
 std::unique_ptr<ImageInput> openImage(const fs::path& path) {
     quietenOpenImageIO();
+    checkBeginning(path);
     // By default colours would arrive multiplied by alpha, and rounded to 8 bits after that.
     ImageSpec config;
     config.attribute("oiio:UnassociatedAlpha", 1);
     std::unique_ptr<ImageInput> input = ImageInput::open(path.string(), &config);
     if (!input) {
         // The library's general error text stays behind otherwise and is printed at exit.
-        const std::string complaint = firstLine(OIIO::geterror());
-        if (!fs::exists(path))
-            throw IoError(path.string(), "No such file or directory", "an image", "check the name");
-        throwUndecodable(path, "an image that cannot be opened (" + complaint + ")");
+        throwUndecodable(path, "an image that cannot be opened (" + firstLine(OIIO::geterror()) + ")");
     }
     const ImageSpec& spec = input->spec();
     if (spec.width <= 0 || spec.height <= 0 || spec.nchannels <= 0 || spec.depth > 1 ||
-        std::int64_t{spec.width} * spec.height > kMaxPixels)
+        spec.nchannels > kMaxChannels || std::int64_t{spec.width} * spec.height > mostPixels(fs::file_size(path)))
         throwUndecodable(path, "a size of " + std::to_string(spec.width) + "x" + std::to_string(spec.height) +
                                    "x" + std::to_string(spec.depth) + " with " +
                                    std::to_string(spec.nchannels) + " channels");
@@ -208,6 +237,7 @@ PhotoOrigin readPhotoOrigin(const fs::path& path) {
     const std::unique_ptr<ImageInput> input = openImage(path);
     const ImageSpec& spec = input->spec();
     PhotoOrigin origin{spec.width, spec.height, {}, spec.get_float_attribute("Exif:FocalLength"), false};
+    if (!std::isfinite(origin.focal_length_mm) || origin.focal_length_mm < 0) origin.focal_length_mm = 0;  // x/0
     for (const char* name : {"Make", "Model", "Exif:LensModel"}) {
         const std::string word(spec.get_string_attribute(name));
         if (!word.empty()) origin.camera += (origin.camera.empty() ? "" : " ") + word;

@@ -47,7 +47,7 @@ struct Photo {
     }
 };
 
-/// Reads PNG, JPEG or EXR (whatever OpenImageIO knows). Straight alpha; EXR is encoded to sRGB, clamped to [0, 1].
+/// Reads PNG, JPEG or EXR, whatever the file's name. Straight alpha; EXR is encoded to sRGB, clamped to [0, 1].
 /// Throws IoError when the file cannot be opened, DataError when it cannot be decoded to the end
 /// (a truncated file is an error, never a half-black picture) or holds non-finite values.
 /// Grey becomes three equal colours, 16 bits are rounded to 8. Orientation tags are not applied.

@@ -126,6 +126,8 @@ public:
     /// True once every byte has been used and none was missing; false afterwards means that the bytes are not
     /// what the encoder wrote.
     bool atEnd() const { return position_ == bytes_.size(); }
+    /// True once bytes were missing: whatever follows is made up.
+    bool ranDry() const { return position_ > bytes_.size(); }
 
 private:
     void normalise() {

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trainer/block_index.h"
 
-#include <cmath>
-
 #include "core/atomic_file.h"
 #include "core/error.h"
 #include "trainer/block_plan.h"
@@ -26,26 +24,19 @@ Vec3d vectorOf(const JsonNode& node) {
     return {node.element(0).number(), node.element(1).number(), node.element(2).number()};
 }
 
-int wholeNumber(const JsonNode& node, int lowest, int highest) {
-    const double value = node.number();
-    if (value != std::floor(value) || value < lowest || value > highest)
-        node.fail(std::to_string(value), "a whole number from " + std::to_string(lowest) + " to " + std::to_string(highest));
-    return static_cast<int>(value);
-}
-
 BlockGrid gridOf(const JsonNode& document) {
     BlockGrid grid;
     grid.origin = vectorOf(document.at("origin"));
     grid.voxel_size = document.at("coarsest_voxel_size").positiveNumber();
     const JsonNode core = document.at("core_voxels"), blocks = document.at("blocks");
     for (int axis = 0; axis < 3; ++axis) {
-        grid.core[axis] = wholeNumber(core.element(static_cast<std::size_t>(axis)), 8, BlockGrid::kResolution);
+        grid.core[axis] = core.element(static_cast<std::size_t>(axis)).wholeNumber(8, BlockGrid::kResolution);
         if (grid.core[axis] % 8 != 0)
             core.fail(std::to_string(grid.core[axis]) + " voxels", "multiples of 8");
     }
-    grid.columns = wholeNumber(blocks.element(0), 1, kMostBlocks);
-    grid.rows = wholeNumber(blocks.element(1), 1, kMostBlocks);
-    grid.up = wholeNumber(document.at("up_axis"), 0, 2);
+    grid.columns = blocks.element(0).wholeNumber(1, kMostBlocks);
+    grid.rows = blocks.element(1).wholeNumber(1, kMostBlocks);
+    grid.up = document.at("up_axis").wholeNumber(0, 2);
     return grid;
 }
 
@@ -103,7 +94,7 @@ BlockIndex readBlockIndex(const std::filesystem::path& path) {
     if (models.arraySize() != index.grid.blocks().size())
         models.fail(std::to_string(models.arraySize()) + " models", std::to_string(index.grid.blocks().size()));
     for (std::size_t b = 0; b < models.arraySize(); ++b)
-        index.views.push_back(static_cast<std::size_t>(wholeNumber(models.element(b).at("views"), 0, 1 << 30)));
+        index.views.push_back(static_cast<std::size_t>(models.element(b).at("views").wholeNumber(0, 1 << 30)));
     return index;
 }
 

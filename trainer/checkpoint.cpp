@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <bit>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <limits>
 #include <string>
@@ -100,7 +101,13 @@ public:
         : file_(file), left_(left), path_(path) {}
     template <typename T>
     void value(T& v) {
-        read(std::as_writable_bytes(std::span(&v, 1)));
+        if constexpr (std::is_same_v<T, bool>) {
+            std::uint8_t byte = 0;  // a bool of another byte than 0 and 1 is undefined
+            value(byte);
+            v = byte != 0;
+        } else {
+            read(std::as_writable_bytes(std::span(&v, 1)));
+        }
     }
     template <typename Array>
     void values(Array& v) {
@@ -246,14 +253,22 @@ void visitGrid(Visitor& visit, GridFields& grid) {
     visit.values(grid.cells);
 }
 
+std::size_t skyValueCount(std::int64_t width) {
+    return width > 0 ? static_cast<std::size_t>(width * (width / 2) * 3) : 0;
+}
+
 template <typename Visitor>
 void visitSky(Visitor& visit, Sky& sky) {
     int width = sky.width();
     visit.value(width);
-    if constexpr (Visitor::kIsReading) sky = width > 0 ? Sky(width, Vec3f::Zero()) : Sky();
     std::vector<float> values(sky.values().begin(), sky.values().end());
     visit.values(values);
-    if (values.size() == sky.values().size()) std::copy(values.begin(), values.end(), sky.values().begin());
+    if constexpr (Visitor::kIsReading) {
+        // Not before the values are known to be there.
+        if (values.size() != skyValueCount(width)) visit.fail();
+        sky = width > 0 ? Sky(width, Vec3f::Zero()) : Sky();
+        std::copy(values.begin(), values.end(), sky.values().begin());
+    }
 }
 
 template <typename Visitor>
@@ -273,6 +288,25 @@ void visitLearner(Visitor& visit, TrainState& state, std::vector<float>& network
     visit.value(state.sky_optimizer.count);
     visit.value(state.random_background);
     visit.value(state.distortion);
+}
+
+bool isSound(const TrainPlace& place) {
+    const auto isSoundStage = [](const Stage& stage) {
+        return stage.level >= 0 && stage.level < kMaxLevels && stage.batch > 0 && stage.steps >= 0 &&
+               std::isfinite(stage.share);
+    };
+    return place.stage < place.stages.size() && std::all_of(place.stages.begin(), place.stages.end(), isSoundStage) &&
+           place.step >= 0 && place.step_in_stage >= 0 && place.next_occupancy >= 0 && place.n_views >= 0 &&
+           std::isfinite(place.mean_error);
+}
+
+bool isSound(const GridFields& grid) {
+    constexpr int kMaxDims = 1 << 20;
+    const auto isPositive = [](double value) { return value > 0 && std::isfinite(value); };
+    return (grid.dims.array() >= kLeafDim).all() && (grid.dims.array() <= kMaxDims).all() && grid.origin.allFinite() &&
+           (grid.shells.count == 1 || grid.shells.fits(grid.dims)) && isPositive(grid.voxel_size) &&
+           isPositive(grid.density_scale) && (grid.channels == 4 || grid.channels == 8 || grid.channels == 16) &&
+           grid.decoder_width >= 1 && grid.decoder_width <= kMaxDecoderWidth && grid.leaves.size() == grid.cells.size();
 }
 
 /// All but the pools.
@@ -380,6 +414,7 @@ void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainP
     visitPlace(reader, place);
     GridFields grid;
     visitGrid(reader, grid);
+    if (!isSound(place) || !isSound(grid)) reader.fail();
     std::vector<Topology::LeafCells> leaves;
     for (std::size_t leaf = 0; leaf < grid.leaves.size(); ++leaf)
         leaves.push_back({grid.leaves[leaf], grid.cells[leaf]});
@@ -393,7 +428,11 @@ void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainP
     const Topology& topology = state.field.topology();
     state.density_moment = HugeArray<float>(state.field.density().size());
     state.feature_moment = HugeArray<float>(state.field.density().size());
-    if ((state.exposures.learned() && state.exposures.viewCount() != static_cast<std::size_t>(place.n_views)) ||
+    const auto isFor = [](const Adam& adam, std::size_t n) {
+        return adam.count >= 0 && adam.first.size() == adam.second.size() && (adam.first.empty() || adam.first.size() == n);
+    };
+    if (!isFor(state.network, network.size()) || !isFor(state.sky_optimizer, state.sky.values().size()) ||
+        (state.exposures.learned() && state.exposures.viewCount() != static_cast<std::size_t>(place.n_views)) ||
         network.size() != state.decoder.parameters().size() || state.seen.size() != topology.leafCount() ||
         state.occupancy.cells.size() != topology.leafCount())
         reader.fail();

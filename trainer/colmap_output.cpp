@@ -50,6 +50,9 @@ using Kind = ColmapLine::Kind;
 std::optional<ColmapLine> parseBlock(LineReader line) {
     std::int64_t row = 0, rows = 0, column = 0, columns = 0;
     if (!line.share(row, rows) || !line.expect(", ") || !line.share(column, columns)) return std::nullopt;
+    constexpr std::int64_t kMost = 1 << 30;
+    for (const std::int64_t number : {row, rows, column, columns})
+        if (number < 0 || number > kMost) return std::nullopt;
     return ColmapLine{Kind::block_done, (row - 1) * columns + column, rows * columns};
 }
 

@@ -73,6 +73,13 @@ double JsonNode::positiveNumber() const {
     return number();
 }
 
+int JsonNode::wholeNumber(int lowest, int highest) const {
+    const double value = number();
+    if (value != std::floor(value) || value < lowest || value > highest)
+        fail(found(), "a whole number from " + std::to_string(lowest) + " to " + std::to_string(highest));
+    return static_cast<int>(value);
+}
+
 std::string JsonNode::text() const {
     if (!value_->is_string()) fail(found(), "a text");
     return value_->get<std::string>();

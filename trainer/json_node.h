@@ -28,6 +28,7 @@ public:
 
     double number() const;          // finite
     double positiveNumber() const;  // finite and above zero
+    int wholeNumber(int lowest, int highest) const;
     std::string text() const;
     bool isTrue() const { return value_->is_boolean() && value_->get<bool>(); }
 

@@ -35,6 +35,11 @@ std::optional<fs::path> pathInside(const std::string& name) {
     return path;
 }
 
+bool isFile(const fs::path& path) {
+    std::error_code too_long_or_forbidden;
+    return fs::is_regular_file(path, too_long_or_forbidden);
+}
+
 bool isImageName(const fs::path& path) {
     std::string extension = path.extension().string();
     std::transform(extension.begin(), extension.end(), extension.begin(),

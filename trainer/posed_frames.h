@@ -28,6 +28,9 @@ const char* nameOf(Split split);
 /// A relative path in its normal form; nothing for one that is empty or leads out of the folder it is relative to.
 std::optional<std::filesystem::path> pathInside(const std::string& name);
 
+/// True for a regular file; false too where nobody can tell (a name that no file can have, a forbidden folder).
+bool isFile(const std::filesystem::path& path);
+
 /// True for the extensions of PNG, JPEG and EXR, in small or capital letters.
 bool isImageName(const std::filesystem::path& path);
 

@@ -66,8 +66,8 @@ State readState(const fs::path& path) {
     state.photos = node.at("photos").text();
     state.camera = node.at("camera").text();
     state.camera_model = node.at("camera_model").text();
-    state.max_size = static_cast<int>(node.at("max_size").number());
-    state.max_features = static_cast<int>(node.at("max_features").number());
+    state.max_size = node.at("max_size").wholeNumber(0, 1 << 30);
+    state.max_features = node.at("max_features").wholeNumber(0, 1 << 30);
     state.has_features = node.at("has_features").isTrue();
     state.features = node.at("features").number();
     state.matching = node.at("matching").text();

@@ -106,11 +106,11 @@ ListedFrame findImage(const ColmapPart<ColmapImage>& images, std::size_t index, 
         throw DataError(placeOf(images, images.entries[index]), "the name '" + name + "'",
                         "a path inside " + folder.string());
     fs::path image = folder / *relative;
-    if (fs::is_regular_file(image)) return {index, name, image, true};
+    if (isFile(image)) return {index, name, image, true};
     for (const char* extension : {".png", ".jpg", ".jpeg", ".exr", ".PNG", ".JPG", ".JPEG", ".EXR"}) {
         fs::path other = image;
         other.replace_extension(extension);
-        if (fs::is_regular_file(other)) return {index, name, other, true};
+        if (isFile(other)) return {index, name, other, true};
     }
     return {index, name, image, false};
 }

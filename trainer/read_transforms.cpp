@@ -14,6 +14,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr double kMaxSide = 1 << 20;  // pixels
+
 fs::path splitFile(const fs::path& folder, Split split) {
     return folder / (std::string("transforms_") + nameOf(split) + ".json");
 }
@@ -65,7 +67,7 @@ ListedFrame findImage(const JsonNode& frame, std::size_t index, const fs::path& 
     for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".exr", ".PNG", ".JPG", ".JPEG", ".EXR"}) {
         fs::path image = folder / *relative;
         image += extension;
-        if (fs::is_regular_file(image)) return {index, file_path, image, true};
+        if (isFile(image)) return {index, file_path, image, true};
     }
     fs::path expected = folder / *relative;
     if (!expected.has_extension()) expected += ".png";
@@ -148,8 +150,10 @@ Lens readLens(const JsonNode& node, Lens lens) {
     readAngle("camera_angle_y", lens.angle_y, lens.fl_y);
     readPositive("fl_x", lens.fl_x);
     readPositive("fl_y", lens.fl_y);
-    readPositive("w", lens.w);
-    readPositive("h", lens.h);
+    for (const auto& [key, side] : {std::pair{"w", &lens.w}, std::pair{"h", &lens.h}}) {
+        readPositive(key, *side);
+        if (*side && **side > kMaxSide) node.at(key).fail(std::to_string(**side), "pixels, at most 2^20");
+    }
     read("cx", lens.cx);
     read("cy", lens.cy);
 
@@ -230,7 +234,7 @@ fs::path namedMask(const JsonNode& frame, const fs::path& folder) {
     const std::string name = node.text();
     const std::optional<fs::path> relative = pathInside(name);
     if (!relative) node.fail("'" + name + "'", "a path inside the data folder");
-    if (!fs::is_regular_file(folder / *relative))
+    if (!isFile(folder / *relative))
         node.fail("no file " + (folder / *relative).string(), "the frame's mask", "add it, or remove the key");
     return folder / *relative;
 }

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstdlib>
 
 #include "core/error.h"
@@ -173,14 +174,15 @@ std::string encodeTopology(const Topology& topology) {
 
 Topology decodeTopology(const Vec3i& dims, std::span<const std::uint8_t> bytes, const std::string& where) {
     const std::size_t leaves = leavesInChunks(bytes, where);
-    // A leaf costs about a bit at the very least; more than this cannot be true and must not be allocated.
-    if (leaves / 64 > bytes.size()) throw DataError(where, std::to_string(leaves) + " leaves", "as many as bytes allow");
+    // A leaf's 512 bits cost 1.6 bits at the very least (BitModel); more cannot be true and must not be allocated.
+    if (leaves / 8 > bytes.size()) throw DataError(where, std::to_string(leaves) + " leaves", "as many as bytes allow");
     std::vector<Topology::LeafCells> cells(leaves);
     decodeChunks(bytes, leaves, where, [&](std::size_t first, std::size_t last, RangeDecoder& in) {
         std::array<IntegerModel, 3> coord_models;
         MaskModel mask_model;
         Vec3i coord = Vec3i::Zero();
         for (std::size_t i = first; i < last; ++i) {
+            if (in.ranDry()) throw DataError(where, "a chunk that ends before its leaves", "the one that was coded");
             for (int axis = 0; axis < 3; ++axis) {
                 const std::int64_t next = std::int64_t{coord[axis]} + coord_models[axis].decode(in);
                 if (next < 0 || next >= dims[axis] / kLeafDim)
@@ -229,16 +231,19 @@ void decodeValues(std::span<const std::uint8_t> bytes, const std::string& where,
     decodeChunks(bytes.subspan(channels + 1), masks.size(), where,
                  [&](std::size_t first, std::size_t last, RangeDecoder& in) {
                      std::vector<int> codes((last - first) * kLeafVoxels);
+                     bool is_finite = true;
                      for (std::size_t k = 0; k <= channels; ++k) {
                          decodeChannel(masks.subspan(first, last - first), codes.data(), in);
                          for (std::size_t leaf = first; leaf < last; ++leaf)
                              forEachBit(masks[leaf], [&](int offset) {
                                  const std::size_t voxel = leaf * kLeafVoxels + offset;
                                  const float value = valueOf(codes[(leaf - first) * kLeafVoxels + offset], steps[k]);
+                                 is_finite &= std::isfinite(value);
                                  if (k == 0) density[voxel] = value;
                                  else features[voxel * channels + (k - 1)] = value;
                              });
                      }
+                     if (!is_finite) throw DataError(where, "a value beyond what a float holds", "finite values");
                  });
 }
 

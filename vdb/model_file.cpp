@@ -33,6 +33,8 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
+#include <map>
+#include <type_traits>
 
 #include "core/atomic_file.h"
 #include "core/error.h"
@@ -41,6 +43,8 @@
 #include "vdb/field_codec.h"
 #include "vdb/topology_tree.h"
 #include "vdb/vdb_file.h"
+#include "vdb/vdb_metadata.h"
+#include "vdb/vdb_seal.h"
 
 namespace nerfvdb {
 namespace {
@@ -146,26 +150,37 @@ void checkModel(const Model& model) {
 /// Metadata of one file, by name; everything missing or of a wrong type is a DataError that names it.
 class Facts {
 public:
-    Facts(const openvdb::MetaMap& map, std::string path) : map_(map), path_(std::move(path)) {}
+    /// Of a file's bytes, which must outlive it.
+    Facts(std::span<const std::uint8_t> file, std::string path)
+        : values_(readVdbMetadata(file, path)), path_(std::move(path)) {}
 
     std::string where(const std::string& name) const { return path_ + ": " + name; }
-    bool has(const std::string& name) const { return map_[name] != nullptr; }
+    bool has(const std::string& name) const { return values_.count(name) > 0; }
 
     template <typename T>
     T get(const std::string& name) const {
-        const auto value = map_.getMetadata<openvdb::TypedMetadata<T>>(name);
-        if (!value) throw DataError(where(name), "nothing", std::string("a ") + openvdb::typeNameAsString<T>());
-        return value->value();
+        const std::span<const std::uint8_t> bytes = bytesOf(name, openvdb::typeNameAsString<T>());
+        if constexpr (std::is_same_v<T, std::string>) {
+            return {bytes.begin(), bytes.end()};
+        } else {
+            T value;
+            if (bytes.size() != sizeof value)
+                throw DataError(where(name), std::to_string(bytes.size()) + " bytes", std::to_string(sizeof value));
+            std::memcpy(&value, bytes.data(), sizeof value);
+            return value;
+        }
     }
-    std::span<const std::uint8_t> bytes(const std::string& name) const {
-        const openvdb::Metadata::ConstPtr found = map_[name];
-        const auto* value = dynamic_cast<const openvdb::UnknownMetadata*>(found.get());
-        if (!value) throw DataError(where(name), "nothing", "learned values");
-        return value->value();
-    }
+    /// Learned values.
+    std::span<const std::uint8_t> bytes(const std::string& name) const { return bytesOf(name, kBytesType); }
 
 private:
-    const openvdb::MetaMap& map_;
+    std::span<const std::uint8_t> bytesOf(const std::string& name, const std::string& type) const {
+        const auto found = values_.find(name);
+        if (found == values_.end() || found->second.type != type) throw DataError(where(name), "nothing", "a " + type);
+        return found->second.bytes;
+    }
+
+    std::map<std::string, VdbValue> values_;
     std::string path_;
 };
 
@@ -180,8 +195,8 @@ std::string readBeginning(const std::filesystem::path& path) {
     return bytes;
 }
 
-/// A model is intact before anything in it is looked at; else says what the file is instead.
-void checkFile(const std::filesystem::path& path) {
+/// All bytes of a model, which is intact before anything in it is looked at; else says what the file is instead.
+std::string readIntact(const std::filesystem::path& path) {
     std::string bytes = readFile(path);
     const std::string_view beginning = std::string_view(bytes).substr(0, kBeginning);
     const bool marked = beginning.find(kMark) != std::string_view::npos;
@@ -205,12 +220,7 @@ void checkFile(const std::filesystem::path& path) {
                 throw DataError(path.string(), "not a nerfvdb model: an exported volume without learned values",
                                 "a model.vdb", "give the model that it was exported from");
     }
-}
-
-constexpr bool kDelayedLoading = false;
-
-DataError unreadable(const std::filesystem::path& path, const openvdb::Exception& error) {
-    return DataError(path.string(), std::string("OpenVDB's error \"") + error.what() + "\"", "a model.vdb");
+    return bytes;
 }
 
 Vec3i gridDims(const Facts& facts) {
@@ -264,6 +274,7 @@ VoxelField loadField(const Facts& facts) {
     GridFrame frame;
     const openvdb::Vec3d origin = facts.get<openvdb::Vec3d>("nerfvdb_origin");
     frame.origin = Vec3d(origin.x(), origin.y(), origin.z());
+    if (!frame.origin.allFinite()) throw DataError(facts.where("nerfvdb_origin"), origin.str(), "finite numbers");
     frame.voxel_size = positive(facts, "nerfvdb_voxel_size");
     const int channels = facts.get<std::int32_t>("nerfvdb_channels");
     if (channels != 4 && channels != 8 && channels != 16)
@@ -315,33 +326,26 @@ void saveModel(const Model& model, const std::filesystem::path& path) {
 }
 
 Model loadModel(const std::filesystem::path& path) {
-    checkFile(path);
-    try {
-        openvdb::initialize();
-        openvdb::io::File file(path.string());
-        file.open(kDelayedLoading);
-        const openvdb::MetaMap::Ptr map = file.getMetadata();
-        const Facts facts(*map, path.string());
-        if (const auto format = facts.get<std::int32_t>("nerfvdb_format"); format < kOldestFormat || format > kFormat)
-            throw DataError(facts.where("nerfvdb_format"), std::to_string(format), std::to_string(kFormat),
-                            format > kFormat ? "a newer nerfvdb wrote this model: update this program"
-                                             : "an older nerfvdb wrote this model: use that one, or train anew");
-        Model model;
-        model.field = loadField(facts);
-        model.decoder = loadDecoder(facts, model.field.channels());
-        const openvdb::Vec3s background = facts.get<openvdb::Vec3s>("nerfvdb_background");
-        model.background = Vec3f(background.x(), background.y(), background.z());
-        model.info.schedule = facts.get<std::string>("nerfvdb_schedule");
-        model.info.seed = static_cast<std::uint64_t>(facts.get<std::int64_t>("nerfvdb_seed"));
-        model.info.train_psnr = facts.get<double>("nerfvdb_train_psnr");
-        if (facts.has("nerfvdb_sky"))
-            model.sky = Sky::decode(facts.bytes("nerfvdb_sky"), facts.where("nerfvdb_sky"));
-        if (facts.has("nerfvdb_cameras"))
-            model.cameras = decodeCameras(facts.bytes("nerfvdb_cameras"), facts.where("nerfvdb_cameras"));
-        return model;
-    } catch (const openvdb::Exception& error) {
-        throw unreadable(path, error);
-    }
+    const std::string file = readIntact(path);
+    const Facts facts({reinterpret_cast<const std::uint8_t*>(file.data()), file.size()}, path.string());
+    if (const auto format = facts.get<std::int32_t>("nerfvdb_format"); format < kOldestFormat || format > kFormat)
+        throw DataError(facts.where("nerfvdb_format"), std::to_string(format), std::to_string(kFormat),
+                        format > kFormat ? "a newer nerfvdb wrote this model: update this program"
+                                         : "an older nerfvdb wrote this model: use that one, or train anew");
+    Model model;
+    model.field = loadField(facts);
+    model.decoder = loadDecoder(facts, model.field.channels());
+    const openvdb::Vec3s background = facts.get<openvdb::Vec3s>("nerfvdb_background");
+    model.background = Vec3f(background.x(), background.y(), background.z());
+    if (!model.background.allFinite())
+        throw DataError(facts.where("nerfvdb_background"), "NaN or infinity", "three numbers");
+    model.info.schedule = facts.get<std::string>("nerfvdb_schedule");
+    model.info.seed = static_cast<std::uint64_t>(facts.get<std::int64_t>("nerfvdb_seed"));
+    model.info.train_psnr = facts.get<double>("nerfvdb_train_psnr");
+    if (facts.has("nerfvdb_sky")) model.sky = Sky::decode(facts.bytes("nerfvdb_sky"), facts.where("nerfvdb_sky"));
+    if (facts.has("nerfvdb_cameras"))
+        model.cameras = decodeCameras(facts.bytes("nerfvdb_cameras"), facts.where("nerfvdb_cameras"));
+    return model;
 }
 
 namespace {
@@ -368,25 +372,10 @@ GridFacts factsOf(const openvdb::GridBase& grid) {
 }  // namespace
 
 std::vector<GridFacts> listGrids(const std::filesystem::path& path) {
-    std::string beginning = readBeginning(path);
-    if (hasVdbMagic(beginning) && checkVdbSeal(beginning) != VdbSeal::foreign) {
-        std::string bytes = readFile(path);
-        if (checkVdbSeal(bytes) == VdbSeal::broken)
-            throw DataError(path.string(), "damaged or truncated content (it does not match its checksum)",
-                            "a whole file", "write it again");
-    }
-    try {
-        openvdb::initialize();
-        openvdb::io::File file(path.string());
-        file.open(kDelayedLoading);
-        const openvdb::GridPtrVecPtr found = file.getGrids();
-        std::vector<GridFacts> grids;
-        for (const openvdb::GridBase::Ptr& grid : *found)
-            grids.push_back(factsOf(*grid));
-        return grids;
-    } catch (const openvdb::Exception& error) {
-        throw DataError(path.string(), std::string("OpenVDB's error \"") + error.what() + "\"", "a .vdb file");
-    }
+    const VdbContent file = readVdb(path);
+    std::vector<GridFacts> grids;
+    for (const openvdb::GridBase::Ptr& grid : *file.grids) grids.push_back(factsOf(*grid));
+    return grids;
 }
 
 bool isModelFile(const std::filesystem::path& path) {
@@ -394,5 +383,7 @@ bool isModelFile(const std::filesystem::path& path) {
 }
 
 bool isVdbFile(const std::filesystem::path& path) { return hasVdbMagic(readBeginning(path)); }
+
+bool isForeignVdbFile(const std::filesystem::path& path) { return isForeignVdb(readBeginning(path)); }
 
 }  // namespace nerfvdb

@@ -41,4 +41,7 @@ bool isModelFile(const std::filesystem::path& path);
 /// True if the file begins as a .vdb does. Throws IoError when it cannot be read.
 bool isVdbFile(const std::filesystem::path& path);
 
+/// True for a .vdb that another program wrote. Throws as isVdbFile.
+bool isForeignVdbFile(const std::filesystem::path& path);
+
 }  // namespace nerfvdb

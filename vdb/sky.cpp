@@ -100,9 +100,14 @@ Sky Sky::decode(std::span<const std::uint8_t> bytes, const std::string& where) {
     const std::int64_t width = width_model.decode(in);
     if (width < kMinWidth || width > kMaxWidth || width % 2)
         throw DataError(where, "a sky " + std::to_string(width) + " texels wide", "an even number, 4 to 8192");
+    // A value costs 1/64 bit at the very least (BitModel); more cannot be true and must not be allocated.
+    const std::int64_t n_values = width * (width / 2) * 3;
+    if (n_values / 1024 > static_cast<std::int64_t>(bytes.size()))
+        throw DataError(where, std::to_string(bytes.size()) + " bytes", "enough for a sky " + std::to_string(width) +
+                                                                          " texels wide");
     Sky sky(static_cast<int>(width), Vec3f::Zero());
     std::array<std::int64_t, 3> last{};
-    for (std::size_t i = 0; i < sky.values_.size(); ++i) {
+    for (std::size_t i = 0; i < sky.values_.size() && !in.ranDry(); ++i) {
         last[i % 3] += models[i % 3].decode(in);
         sky.values_[i] = std::clamp(static_cast<float>(last[i % 3]) * kCodeStep, -kMaxValue, kMaxValue);
     }

@@ -50,6 +50,18 @@ std::size_t countBits(std::span<const LeafMask> masks) {
     return n;
 }
 
+/// A table of nodes is dense (leaf_table.h): a box of any size, with next to nothing in it, would be any memory.
+Vec3i checkedLeafDims(const Vec3i& dims) {
+    constexpr double kMostNodes = 1 << 24;  // of 64^3 voxels: a cube of 16384
+    if ((dims.array() < kLeafDim).any() || (dims.array() - dims.array() / kLeafDim * kLeafDim != 0).any())
+        throw UsageError("topology: every dimension must be a positive multiple of 8 voxels");
+    if ((dims.cast<double>() / (kLeafDim * kNodeDim)).array().ceil().prod() > kMostNodes)
+        throw DataError("topology", std::to_string(dims.x()) + " x " + std::to_string(dims.y()) + " x " +
+                                        std::to_string(dims.z()) + " voxels",
+                        "a box of at most 2^24 nodes of 64 x 64 x 64", "resample it coarser, or cut it");
+    return dims / kLeafDim;
+}
+
 using MaskLeaf = openvdb::MaskTree::LeafNodeType;
 
 void addBits(openvdb::MaskTree& tree, const openvdb::Coord& origin, const LeafMask& mask) {
@@ -74,10 +86,8 @@ void growUp(openvdb::MaskTree& tree, int axis) {
 
 }  // namespace
 
-Topology::Topology(const Vec3i& dims, std::span<const LeafCells> cells) : dims_(dims), table_(dims / kLeafDim, -1) {
-    if ((dims.array() < kLeafDim).any() || (dims.array() - table_.dims.array() * kLeafDim != 0).any())
-        throw UsageError("topology: every dimension must be a positive multiple of 8 voxels");
-
+Topology::Topology(const Vec3i& dims, std::span<const LeafCells> cells)
+    : dims_(dims), table_(checkedLeafDims(dims), -1) {
     openvdb::MaskTree cell_tree;
     for (const LeafCells& entry : cells) {
         if (isEmpty(entry.cells)) continue;

@@ -1,41 +1,26 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vdb/vdb_file.h"
 
+#include <openvdb/io/Stream.h>
+
 #include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
-#include <span>
-#include <string_view>
+#include <new>
+#include <stdexcept>
 
 #include "core/atomic_file.h"
 #include "core/error.h"
+#include "vdb/vdb_seal.h"
 
 namespace nerfvdb {
 namespace {
 
-// A .vdb begins: int64 magic, uint32 format, uint32 library major and minor, one byte "has grid offsets", then
-// the UUID as 36 characters.
-constexpr std::string_view kMagic{" BDV\0\0\0\0", 8};
-constexpr std::size_t kUuidBegin = 21, kUuidSize = 36;
-constexpr std::size_t kVersionDigit = 14;  // of the UUID
-
-/// 32 hexadecimal digits as a UUID; six bits give way to version 8 and the variant of RFC 9562, section 5.8.
-std::string uuidFromHash(std::string hash) {
-    constexpr std::string_view kDigits = "0123456789abcdef";
-    hash[12] = '8';
-    hash[16] = kDigits[8 | (kDigits.find(hash[16]) & 3)];
-    for (const std::size_t dash : {8, 13, 18, 23}) hash.insert(dash, 1, '-');
-    return hash;
-}
-
-/// The UUID that belongs to a file; the one inside counts as zeros.
-std::string sealOf(std::string& bytes) {
-    const std::string stored = bytes.substr(kUuidBegin, kUuidSize);
-    bytes.replace(kUuidBegin, kUuidSize, kUuidSize, '\0');
-    const std::string seal = uuidFromHash(contentHash(std::as_bytes(std::span(bytes.data(), bytes.size()))));
-    bytes.replace(kUuidBegin, kUuidSize, stored);
-    return seal;
+/// What is left of a damaged file may claim any size: OpenVDB believes it.
+DataError tooLarge(const std::filesystem::path& path) {
+    return {path.string(), "content that asks for more memory than there is", "a .vdb volume that fits",
+            "copy or export the file again if it is damaged, else resample it coarser"};
 }
 
 /// Archive's own writing into a stream of ours: io::File would not tell that the disk is full.
@@ -68,15 +53,6 @@ bool halfSuffices(float largest_sigma, double voxel_size) {
     return largest_sigma <= kLargestHalf && kSmallestNormalHalf * voxel_size <= kInvisibleAlpha;
 }
 
-bool hasVdbMagic(const std::string& bytes) { return bytes.starts_with(kMagic); }
-
-VdbSeal checkVdbSeal(std::string& bytes) {
-    if (!hasVdbMagic(bytes)) return VdbSeal::not_vdb;
-    if (bytes.size() < kUuidBegin + kUuidSize) return VdbSeal::broken;
-    if (bytes[kUuidBegin + kVersionDigit] != '8') return VdbSeal::foreign;
-    return bytes.compare(kUuidBegin, kUuidSize, sealOf(bytes)) == 0 ? VdbSeal::intact : VdbSeal::broken;
-}
-
 void writeVdb(const std::filesystem::path& path, const openvdb::GridCPtrVec& grids,
               const openvdb::MetaMap& metadata) {
     writeAtomically(path, [&](const std::filesystem::path& temporary) {
@@ -92,12 +68,12 @@ void writeVdb(const std::filesystem::path& path, const openvdb::GridCPtrVec& gri
                 out.close();
             }
             std::string bytes = readFile(temporary);
-            const std::string seal = sealOf(bytes);
+            sealVdb(bytes);
             std::fstream out;
             out.exceptions(std::ios::failbit | std::ios::badbit);
             out.open(temporary, std::ios::binary | std::ios::in | std::ios::out);
-            out.seekp(kUuidBegin);
-            out.write(seal.data(), static_cast<std::streamsize>(seal.size()));
+            out.seekp(kVdbUuidBegin);
+            out.write(&bytes[kVdbUuidBegin], kVdbUuidSize);
             out.close();
         } catch (const std::ios_base::failure&) {
             const int reason = errno;
@@ -108,6 +84,35 @@ void writeVdb(const std::filesystem::path& path, const openvdb::GridCPtrVec& gri
                           "grids that can be written");
         }
     });
+}
+
+VdbContent readVdb(const std::filesystem::path& path) {
+    std::string bytes = readFile(path);
+    const VdbSeal seal = checkVdbSeal(bytes);
+    if (seal == VdbSeal::not_vdb)
+        throw DataError(path.string(), bytes.empty() ? "an empty file" : "no .vdb file", "a .vdb volume");
+    if (seal == VdbSeal::broken)
+        throw DataError(path.string(), "damaged or truncated content (it does not match its checksum)",
+                        "an intact volume", "copy or export the file again");
+    std::string().swap(bytes);
+    try {
+        openvdb::initialize();
+        // A stream of ours: behind its end io::File would go on, and take what it finds in memory for sizes.
+        std::ifstream in;
+        in.exceptions(std::ios::failbit | std::ios::badbit);
+        in.open(path, std::ios::binary);
+        constexpr bool kDelayedLoading = false;
+        openvdb::io::Stream file(in, kDelayedLoading);
+        return {file.getGrids(), file.getMetadata()};
+    } catch (const openvdb::Exception& error) {
+        throw DataError(path.string(), std::string("OpenVDB's error \"") + error.what() + "\"", "a .vdb volume");
+    } catch (const std::ios_base::failure&) {
+        throw DataError(path.string(), "a truncated file", "a whole .vdb volume", "copy or export the file again");
+    } catch (const std::bad_alloc&) {
+        throw tooLarge(path);
+    } catch (const std::length_error&) {
+        throw tooLarge(path);
+    }
 }
 
 }  // namespace nerfvdb

@@ -1,9 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Writing .vdb files that repeat byte for byte, are never half written, and carry their own checksum.
-// Included only by .cpp files that work on grids (the header is heavy).
-//
-// OpenVDB gives every file a random UUID. Here it is a custom UUID (version 8 of RFC 9562) made of the XXH3 hash
-// of all other bytes: equal content gives equal files, and a reader can tell damage before it parses anything.
+// Writing .vdb files that repeat byte for byte, are never half written, and carry their own checksum (vdb_seal.h);
+// reading such files, and those of other programs. Included only by .cpp files that work on grids (OpenVDB's header is
+// heavy).
 #pragma once
 
 #include <openvdb/openvdb.h>
@@ -30,23 +28,18 @@ inline constexpr float kLargestHalf = 65504;
 /// what falls below half's normal range (6e-5) is invisible across a voxel. Else the world unit is unusual.
 bool halfSuffices(float largest_sigma, double voxel_size);
 
-/// What the bytes of a file say of its origin.
-enum class VdbSeal {
-    not_vdb,  // no .vdb header
-    foreign,  // a .vdb whose UUID is not a hash: another program wrote it
-    broken,   // a UUID of our kind that is not the hash of the content
-    intact,
-};
-
-/// Judges a file from all its bytes; they are left as they came.
-VdbSeal checkVdbSeal(std::string& bytes);
-
-/// True if `bytes` begin as every .vdb does.
-bool hasVdbMagic(const std::string& bytes);
-
 /// Writes grids and file-level metadata atomically, Blosc-compressed, inactive values left out, sealed.
 /// Half or float is a setting of each grid. Throws IoError; the file that stood at `path` is then untouched.
 void writeVdb(const std::filesystem::path& path, const openvdb::GridCPtrVec& grids,
               const openvdb::MetaMap& metadata);
+
+struct VdbContent {
+    openvdb::GridPtrVecPtr grids;
+    openvdb::MetaMap::Ptr metadata;
+};
+
+/// Reads a whole file; ours only if its checksum is right. Throws IoError, or DataError: no .vdb, damaged, what OpenVDB
+/// complains of, more than memory holds. A damaged file of another program may also end this one (cli/foreign_vdb.h).
+VdbContent readVdb(const std::filesystem::path& path);
 
 }  // namespace nerfvdb

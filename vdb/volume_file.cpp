@@ -1,16 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vdb/volume_file.h"
 
-#include <openvdb/io/Stream.h>
 #include <openvdb/openvdb.h>
 
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
-#include <fstream>
 #include <new>
 
-#include "core/atomic_file.h"
 #include "core/error.h"
 #include "core/parallel.h"
 #include "vdb/topology_tree.h"
@@ -249,25 +246,10 @@ WrittenVolume writeVolume(const std::filesystem::path& path, const Volume& volum
 }
 
 VolumeFile readVolume(const std::filesystem::path& path) {
-    std::string bytes = readFile(path);
-    const VdbSeal seal = checkVdbSeal(bytes);
-    if (seal == VdbSeal::not_vdb)
-        throw DataError(path.string(), bytes.empty() ? "an empty file" : "no .vdb file", "a .vdb volume");
-    if (seal == VdbSeal::broken)
-        throw DataError(path.string(), "damaged or truncated content (it does not match its checksum)",
-                        "an intact volume", "copy or export the file again");
-    std::string().swap(bytes);
     try {
-        openvdb::initialize();
-        // A stream of ours: behind its end io::File would go on, and take what it finds in memory for sizes.
-        std::ifstream in;
-        in.exceptions(std::ios::failbit | std::ios::badbit);
-        in.open(path, std::ios::binary);
-        constexpr bool kDelayedLoading = false;
-        openvdb::io::Stream file(in, kDelayedLoading);
-        const openvdb::GridPtrVecPtr grids = file.getGrids();
-        const openvdb::FloatGrid::Ptr density = findDensity(*grids, path.string());
-        const openvdb::Vec3SGrid::Ptr color = findColor(*grids);
+        const VdbContent file = readVdb(path);
+        const openvdb::FloatGrid::Ptr density = findDensity(*file.grids, path.string());
+        const openvdb::Vec3SGrid::Ptr color = findColor(*file.grids);
         GridFrame frame;
         Similarity placed;
         readTransform(density->transform(), path.string() + ": " + density->getName(), frame, placed);
@@ -284,18 +266,16 @@ VolumeFile readVolume(const std::filesystem::path& path) {
         read.has_color = color != nullptr;
         const openvdb::Vec3SGrid white(openvdb::Vec3s(1.0f));
         fillValues(*density, color ? *color : white, path.string(), read.volume);
-        if (const auto background = file.getMetadata()->getMetadata<openvdb::Vec3SMetadata>(kBackground)) {
+        if (const auto background = file.metadata->getMetadata<openvdb::Vec3SMetadata>(kBackground)) {
             const Vec3f values(background->value().asPointer());
             if (values.allFinite()) read.background = values.cwiseMax(0.0f).cwiseMin(1.0f);
         }
         return read;
     } catch (const openvdb::Exception& error) {
         throw DataError(path.string(), std::string("OpenVDB's error \"") + error.what() + "\"", "a .vdb volume");
-    } catch (const std::ios_base::failure&) {
-        throw DataError(path.string(), "a truncated file", "a whole .vdb volume", "copy or export the file again");
     } catch (const std::bad_alloc&) {
-        // What is left of a damaged file may claim any size: OpenVDB believes it.
-        throw DataError(path.string(), "content that asks for more memory than there is", "a .vdb volume that fits",
+        // Of constant tiles a few bytes make any number of voxels.
+        throw DataError(path.string(), "voxels for which there is not enough memory", "a .vdb volume that fits",
                         "copy or export the file again if it is damaged, else resample it coarser");
     }
 }

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// transforms.json beside two images and a mask; an image outside of the data set's folder waits for who comes there.
+#include "core/image.h"
+#include "tests/fuzz/reader.h"
+#include "trainer/read_transforms.h"
+
+using namespace nerfvdb;
+
+extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
+    static const std::filesystem::path scene = [] {
+        for (const char* name : {"outside.png", "scene/a.png", "scene/b.png", "scene/mask.png"}) {
+            fuzz::fileOf({}, name);
+            writeImage(fuzz::folder() / name, Image(4, 3, 3));
+        }
+        return fuzz::folder() / "scene";
+    }();
+    fuzz::fileOf(fuzz::textOf(data, size), "scene/transforms.json");
+    for (const Split split : {Split::train, Split::test})
+        for (const bool strict : {false, true})
+            fuzz::isRead([&] {
+                for (const View& view : readTransforms(scene, split, strict).views) {
+                    fuzz::require(fuzz::liesInside(view.path, scene), "images inside the data set's folder");
+                    fuzz::require(view.mask_path.empty() || fuzz::liesInside(view.mask_path, scene),
+                                  "masks inside the data set's folder");
+                    fuzz::require(cameraProblem(view.camera).empty(), "usable cameras");
+                }
+            });
+    return 0;
+}
