@@ -6,6 +6,7 @@
 #include "cli/block_info.h"
 #include "cli/commands.h"
 #include "cli/dataset_info.h"
+#include "cli/foreign_vdb.h"
 #include "cli/output_path.h"
 #include "core/error.h"
 #include "trainer/block_index.h"
@@ -132,6 +133,7 @@ void describeModel(const InfoWords& words) {
 void describeVolume(const InfoWords& words) {
     Json grids = Json::array();
     std::string text = "volume: " + words.path + "\n";
+    tryForeignVdb(words.path);
     for (const GridFacts& grid : listGrids(words.path)) {
         grids.push_back({{"name", grid.name},
                          {"type", grid.type},

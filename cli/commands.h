@@ -29,6 +29,7 @@ Command addBench(CLI::App& program);     // speed and quality, measured and comp
 Command addSelftest(CLI::App& program);  // numbers held against exact ones
 Command addSynth(CLI::App& program);     // procedural scene -> data set with exact truth
 Command addPrepare(CLI::App& program);   // photographs without poses -> data set
+Command addReadVdb(CLI::App& program);   // for this program's own use (foreign_vdb.h)
 
 /// --threads, --json and --version, which every command has.
 class SharedOptions {

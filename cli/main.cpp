@@ -54,7 +54,7 @@ int runProgram(int argc, char** argv) {
         "\n'nerfvdb COMMAND --help' tells more.");
     const Command commands[] = {addTrain(program),   addEval(program),  addRender(program), addExport(program),
                                 addMesh(program),    addInfo(program),  addPrepare(program), addSynth(program),
-                                addBench(program),   addSelftest(program)};
+                                addBench(program),   addSelftest(program), addReadVdb(program)};
     try {
         program.parse(argc, argv);
     } catch (const CLI::ParseError& error) {

@@ -2,6 +2,7 @@
 #include "cli/scene_words.h"
 
 #include "cli/block_scene.h"
+#include "cli/foreign_vdb.h"
 #include "cli/quantities.h"
 #include "core/error.h"
 #include "vdb/model_file.h"
@@ -92,6 +93,7 @@ std::unique_ptr<Scene> SceneWords::load(bool normals) const {
     };
     if (isBlockFolder(path_)) return std::make_unique<BlockScene>(path_, modelScene);
     if (!isVdbFile(path_) || isModelFile(path_)) return modelScene(loadModel(path_));
+    tryForeignVdb(path_);
     VolumeFile file = readVolume(path_);
     VolumeRenderOptions options;
     options.normals = normals;
