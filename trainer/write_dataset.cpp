@@ -25,12 +25,6 @@ const char* splitName(Split split) {
     return split == Split::train ? "train" : split == Split::val ? "val" : "test";
 }
 
-int viewCount(Split split, const SyntheticDatasetOptions& options) {
-    return split == Split::train ? options.train_views
-           : split == Split::val ? options.val_views
-                                 : options.test_views;
-}
-
 void check(const SyntheticDatasetOptions& options) {
     const auto inRange = [](const char* what, int value, int low, int high) {
         if (value < low || value > high)
@@ -64,6 +58,12 @@ nlohmann::json toJson(const Camera& camera, const std::string& file_path) {
 
 }  // namespace
 
+int viewCount(Split split, const SyntheticDatasetOptions& options) {
+    return split == Split::train ? options.train_views
+           : split == Split::val ? options.val_views
+                                 : options.test_views;
+}
+
 std::vector<Camera> syntheticCameras(Split split, const SyntheticDatasetOptions& options) {
     check(options);
     const int n = viewCount(split, options);
@@ -92,9 +92,17 @@ std::vector<Camera> syntheticCameras(Split split, const SyntheticDatasetOptions&
 
 void writeSyntheticDataset(const SyntheticScene& scene, const std::filesystem::path& folder,
                            const SyntheticDatasetOptions& options, Report& report) {
+    writePictures(
+        folder, options, [&](Split split) { return syntheticCameras(split, options); },
+        [&](const Camera& camera) { return exactImage(scene, camera); }, report);
+}
+
+void writePictures(const std::filesystem::path& folder, const SyntheticDatasetOptions& options,
+                   const std::function<std::vector<Camera>(Split)>& camerasOf,
+                   const std::function<Image(const Camera&)>& show, Report& report) {
     check(options);
     for (const Split split : {Split::train, Split::val, Split::test}) {
-        const std::vector<Camera> cameras = syntheticCameras(split, options);
+        const std::vector<Camera> cameras = camerasOf(split);
         if (cameras.empty()) continue;
         const std::string name = splitName(split);
         makeFolder(folder / name);
@@ -105,7 +113,7 @@ void writeSyntheticDataset(const SyntheticScene& scene, const std::filesystem::p
             const std::size_t n = std::min(kAtOnce, cameras.size() - begin);
             parallelFor(n, [&](std::size_t i) {
                 const std::string file = "r_" + std::to_string(begin + i) + ".png";
-                writeImage(folder / name / file, exactImage(scene, cameras[begin + i]));
+                writeImage(folder / name / file, show(cameras[begin + i]));
             });
             report.update(static_cast<std::int64_t>(begin + n), "");
             if (report.cancelled())

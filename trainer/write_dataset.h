@@ -4,10 +4,12 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
 #include "core/camera.h"
+#include "core/image.h"
 #include "core/report.h"
 #include "trainer/dataset.h"
 #include "trainer/synthetic_scene.h"
@@ -20,6 +22,8 @@ struct SyntheticDatasetOptions {
     std::uint64_t seed = 1;                                 // turns the cameras about the z axis
 };
 
+int viewCount(Split split, const SyntheticDatasetOptions& options);
+
 /// Cameras at distance 4.03 that look at the origin, with NeRF-synthetic's field of view over the shorter side.
 /// train: evenly spread over the upper half of the sphere and a little below; val: the same, turned; test: a
 /// spiral from 5 to 65 degrees above the horizon, so that no test view repeats a training view.
@@ -31,5 +35,10 @@ std::vector<Camera> syntheticCameras(Split split, const SyntheticDatasetOptions&
 /// Throws UsageError (absurd options), IoError, or Interrupted when the report asks to stop.
 void writeSyntheticDataset(const SyntheticScene& scene, const std::filesystem::path& folder,
                            const SyntheticDatasetOptions& options, Report& report);
+
+/// The same of whatever `camerasOf` a split and `show` say.
+void writePictures(const std::filesystem::path& folder, const SyntheticDatasetOptions& options,
+                   const std::function<std::vector<Camera>(Split)>& camerasOf,
+                   const std::function<Image(const Camera&)>& show, Report& report);
 
 }  // namespace nerfvdb

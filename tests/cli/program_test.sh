@@ -216,6 +216,23 @@ test_synth() {
         [[ -s $name/truth.vdb && -s $name/truth.ply ]] || fail "$name has no truth"
         has_keys "$name.json" truth_iso active_voxels
     done
+
+    # Places without bounds: pictures without alpha, and no volume.
+    for name in plaza street; do
+        expect 0 synth "$name" --out "$name" --views 4 --val-views 0 --test-views 2 --width 24 --height 16 --json "$name.json"
+        [[ -s $name/transforms_train.json && ! -e $name/truth.vdb ]] || fail "$name: $(ls "$name")"
+        expect 0 info "$name" --json -
+        says out '"alpha": false'
+    done
+    says street.json '"length": 200'
+    expect 0 synth street --length 12 --out short --val-views 0 --test-views 0 --width 16 --height 16 --json short.json
+    says short.json '"train": 7'
+    expect 2 synth plaza --length 50 --out refused
+    says err "--length"
+    expect 2 synth street --length 5 --out refused
+    says err "12 to 20000 m"
+    expect 2 synth sphere --length 50 --out refused
+    [[ ! -e refused ]] || fail "a refused command made a folder"
 }
 
 test_story() {
