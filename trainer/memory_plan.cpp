@@ -8,7 +8,7 @@
 namespace nerfvdb {
 namespace {
 
-// Measured on x86-64.
+// Estimates for x86-64, on the generous side; what they lead to is measured in docs/stability.md.
 constexpr std::size_t kProgram = std::size_t{130} << 20;  // code, libraries and what they hold before any data
 constexpr std::size_t kThread = std::size_t{12} << 20;    // rays under way, decoding, the allocator's own
 constexpr std::size_t kRay = 6 << 10;                     // of a batch: its kept samples and their gradients

@@ -33,7 +33,7 @@ constexpr float kInitialRaw = -4.19f;       // ... and starts at alpha 0.03 over
 constexpr float kOpenInitialRaw = -7;
 constexpr float kOpenMinSeen = 0.05f;       // there a cell that never gave a ray this share of its light is not divided
 constexpr int kSkyWidth = 512;              // texels around the horizon
-constexpr std::uint64_t kMostLooks = 4'000'000;  // rays through photographs before unseen cells are given up
+constexpr double kMostLooks = 4e6;  // rays through photographs before unseen cells are given up, or as many as are enough
 constexpr double kErrorMemory = 0.99;       // of the running mean of the error, per step
 constexpr double kVoxelPerPixel = 0.6;      // voxels smaller than this share of a pixel's width show nothing new
 constexpr double kTellSeconds = 2;          // between progress reports
@@ -494,15 +494,17 @@ void Training::stepOnce() {
     step_seconds_ = step_seconds_ == 0 ? seconds : kMemory * step_seconds_ + (1 - kMemory) * seconds;
 }
 
-/// Looks through all photographs for what they see, unless training has drawn as many rays at this level.
+/// Looks through all photographs for what they see, unless training has drawn rays enough at this level to meet each cell.
 void Training::lookAgain() {
+    constexpr double kEnough = 4;  // rays for each occupied cell: one in fifty is still missed
     const int level = place_.stages[place_.stage - 1].level;
-    double drawn = 0;
+    double drawn = 0, cells = 0;
     for (std::size_t s = 0; s < place_.stage; ++s)
         if (place_.stages[s].level == level) drawn += static_cast<double>(place_.stages[s].steps) * place_.stages[s].batch;
+    for (const LeafMask& mask : state_.occupancy.cells) forEachBit(mask, [&](int) { ++cells; });
+    if (drawn >= kEnough * cells) return;
     int stride = strideOfLooks(dataset_, state_.field);
-    if (static_cast<double>(raysOfLooks(dataset_, stride)) <= drawn) return;
-    while (raysOfLooks(dataset_, stride) > kMostLooks) ++stride;
+    while (static_cast<double>(raysOfLooks(dataset_, stride)) > std::max(kMostLooks, kEnough * cells)) ++stride;
     markSeenCells(dataset_, state_.field, state_.occupancy, state_.min_seen, stride, state_.seen);
 }
 
