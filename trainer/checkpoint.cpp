@@ -292,7 +292,7 @@ void visitLearner(Visitor& visit, TrainState& state, std::vector<float>& network
 
 bool isSound(const TrainPlace& place) {
     const auto isSoundStage = [](const Stage& stage) {
-        return stage.level >= 0 && stage.level < kMaxLevels && stage.batch > 0 && stage.steps >= 0 &&
+        return stage.level >= 0 && stage.level < kMostLevels && stage.batch > 0 && stage.steps >= 0 &&
                std::isfinite(stage.share);
     };
     return place.stage < place.stages.size() && std::all_of(place.stages.begin(), place.stages.end(), isSoundStage) &&

@@ -65,7 +65,9 @@ int levelsForRays(double rays, int max_levels) {
     return levels;
 }
 
-std::vector<Stage> stagesOfLevels(std::int64_t total, int levels, double space) {
+namespace {
+
+std::vector<Stage> plannedStages(std::int64_t total, int levels, double space) {
     std::vector<Stage> stages = defaultStages(levels, std::numeric_limits<double>::infinity(), space);
     planSteps(stages, total);
     stages = defaultStages(levels, raysOf(stages), space);
@@ -74,9 +76,29 @@ std::vector<Stage> stagesOfLevels(std::int64_t total, int levels, double space) 
     return stages;
 }
 
+}  // namespace
+
+std::vector<Stage> stagesOfLevels(std::int64_t total, int levels, double space) {
+    std::vector<Stage> stages = plannedStages(total, levels, space);
+    if (total < static_cast<std::int64_t>(stages.size()))
+        throw UsageError("--steps", std::to_string(total),
+                         "at least " + std::to_string(stages.size()) + ", one in each stage of " + std::to_string(levels) +
+                             " levels");
+    // What no step has looked at would be taken for unseen.
+    for (Stage& stage : stages)
+        if (stage.steps < 1) {
+            --std::max_element(stages.begin(), stages.end(), [](const Stage& a, const Stage& b) {
+                  return a.steps < b.steps;
+              })->steps;
+            stage.steps = 1;
+        }
+    shareBySteps(stages);
+    return stages;
+}
+
 std::vector<Stage> stagesForSteps(std::int64_t total, int max_levels, double space) {
     for (int levels = max_levels;; --levels) {
-        const std::vector<Stage> stages = stagesOfLevels(total, levels, space);
+        const std::vector<Stage> stages = plannedStages(total, levels, space);
         if (levelsForRays(raysOf(stages), levels) == levels) return stages;
     }
 }

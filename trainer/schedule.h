@@ -32,7 +32,7 @@ int levelsForRays(double rays, int max_levels);
 
 /// Stages for a total of `total` steps; the number of levels follows from levelsForRays ...
 std::vector<Stage> stagesForSteps(std::int64_t total, int max_levels, double space = 1);
-/// ... or is `levels`, however few rays there are.
+/// ... or is `levels`, however few rays there are, with at least a step in each stage. Throws UsageError for fewer steps.
 std::vector<Stage> stagesOfLevels(std::int64_t total, int levels, double space = 1);
 
 /// Fills in steps so that they sum to `total`, in proportion share / (cost of a step), with the relative cost per

@@ -33,7 +33,7 @@ constexpr float kInitialRaw = -4.19f;       // ... and starts at alpha 0.03 over
 constexpr float kOpenInitialRaw = -7;
 constexpr float kOpenMinSeen = 0.05f;       // there a cell that never gave a ray this share of its light is not divided
 constexpr int kSkyWidth = 512;              // texels around the horizon
-constexpr double kMostLooks = 4e6;  // rays through photographs before unseen cells are given up, or as many as are enough
+constexpr double kMostLooks = 4e6;          // rays of a look through the photographs, or as many as are enough
 constexpr double kErrorMemory = 0.99;       // of the running mean of the error, per step
 constexpr double kVoxelPerPixel = 0.6;      // voxels smaller than this share of a pixel's width show nothing new
 constexpr double kTellSeconds = 2;          // between progress reports
@@ -505,14 +505,15 @@ void Training::lookAgain() {
     if (drawn >= kEnough * cells) return;
     int stride = strideOfLooks(dataset_, state_.field);
     while (static_cast<double>(raysOfLooks(dataset_, stride)) > std::max(kMostLooks, kEnough * cells)) ++stride;
-    markSeenCells(dataset_, state_.field, state_.occupancy, state_.min_seen, stride, state_.seen);
+    markSeenCells(dataset_, state_.field, state_.occupancy, std::max(state_.min_seen, trace_.min_weight), stride, state_.seen);
 }
 
 void Training::refine() {
     updateOccupancy();
     std::vector<LeafMask> keep = state_.occupancy.cells;
     if (!keepsUnseen()) {
-        if (state_.min_seen > 0) lookAgain();
+        // Levels that were asked for have few rays in scenes of any kind.
+        if (state_.min_seen > 0 || place_.stages.back().level >= kMaxLevels) lookAgain();
         const std::vector<LeafMask> seen = dilateCells(state_.field.topology(), state_.seen);
         for (std::size_t leaf = 0; leaf < keep.size(); ++leaf)
             for (int word = 0; word < kLeafWords; ++word) keep[leaf][word] &= seen[leaf][word];

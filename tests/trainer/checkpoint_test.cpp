@@ -95,6 +95,23 @@ TEST_CASE("a checkpoint from a copy of the state is the same file, of a size kno
     CHECK(readFile(dir / "c.ckpt") == expected);
 }
 
+TEST_CASE("training at a level that only --voxel-size has is resumed, too") {
+    // A long thin box, of which few voxels fill 1024 along its side: five levels.
+    TrainOptions options;
+    options.bounds = Box{{-0.9, -0.05, -0.05}, {0.9, 0.05, 0.05}};
+    options.voxel_size = 1.8 / 1024;
+    options.steps = {20, 8, 6, 4, 4, 4};
+    const TempDir dir;
+    Report silent;
+    const TrainResult whole = train(sphere(), options, silent, {}, dir / "whole.ckpt", false);
+    CHECK(whole.model.field.frame().voxel_size == *options.voxel_size);
+    StopAfter soon(43);
+    train(sphere(), options, soon, {}, dir / "cut.ckpt", false);
+    const TrainResult resumed = train(sphere(), {}, silent, {}, dir / "cut.ckpt", true);
+    CHECK(resumed.steps == whole.steps);
+    CHECK(modelBytes(resumed, dir) == modelBytes(whole, dir));
+}
+
 TEST_CASE("a checkpoint that the second thread cannot write says why") {
     const TempDir dir;
     StopAfter report(1);

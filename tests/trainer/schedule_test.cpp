@@ -180,4 +180,10 @@ TEST_CASE("levels that are asked for are planned, however few the rays, and fine
         for (int level = 1; level < levels; ++level) CHECK(relativeRayCost(level) > relativeRayCost(level - 1));
     }
     CHECK_THROWS_AS(defaultStages(kMostLevels + 1, 1e6), UsageError);
+    for (std::int64_t total = 8; total < 200; ++total) {  // too few for each stage's share to be a step
+        const std::vector<Stage> stages = stagesOfLevels(total, 7);
+        CHECK(totalSteps(stages) == total);
+        for (const Stage& stage : stages) CHECK(stage.steps >= 1);
+    }
+    CHECK_THROWS_AS(stagesOfLevels(7, 7), UsageError);
 }
