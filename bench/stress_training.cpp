@@ -13,7 +13,7 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "trainer/evaluate.h"
-#include "trainer/scene_box.h"
+#include "trainer/possible_cells.h"
 #include "trainer/train_step.h"
 #include "trainer/trainer.h"
 #include "vdb/model_file.h"

@@ -13,6 +13,7 @@
 #include "trainer/capture_report.h"
 #include "trainer/dataset.h"
 #include "trainer/scene_box.h"
+#include "trainer/scene_shells.h"
 
 namespace nerfvdb {
 namespace {

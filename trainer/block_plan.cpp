@@ -6,7 +6,7 @@
 #include <string>
 
 #include "core/error.h"
-#include "trainer/scene_box.h"
+#include "trainer/scene_shells.h"
 
 namespace nerfvdb {
 namespace {

@@ -162,6 +162,21 @@ double maskedShare(const Dataset& dataset) {
     return all > 0 ? masked / all : 0;
 }
 
+Vec3f meanColour(const Dataset& dataset) {
+    constexpr std::size_t kStride = 101;  // a prime: no column of pixels is looked at again and again
+    Vec3d sum = Vec3d::Zero();
+    double n = 0;
+    for (const View& view : dataset.views)
+        for (std::size_t i = 0; i < view.photo.pixelCount(); i += kStride) {
+            const auto width = static_cast<std::size_t>(view.photo.width);
+            const int x = static_cast<int>(i % width), y = static_cast<int>(i / width);
+            if (!view.mask.counts(x, y)) continue;
+            for (int c = 0; c < 3; ++c) sum[c] += view.photo.at(x, y)[c] / 255.0;
+            ++n;
+        }
+    return n > 0 ? Vec3f((sum / n).cast<float>()) : Vec3f::Zero();
+}
+
 Box sceneBoxFromAabbScale(double aabb_scale) {
     const Vec3d half = Vec3d::Constant(0.5 * aabb_scale / kInstantNgpScale);
     return {-half, half};

@@ -66,6 +66,9 @@ Dataset readDataset(const std::filesystem::path& path, Split split, const Datase
 /// Share of the pixels of all photographs that masks leave out, [0, 1].
 double maskedShare(const Dataset& dataset);
 
+/// Mean colour of what counts in all photographs (sRGB values): what an opaque scene shows where nothing is known.
+Vec3f meanColour(const Dataset& dataset);
+
 /// instant-ngp's box: its unit cube is 1 / 0.33 world units wide and aabb_scale multiplies it, centred at 0.
 Box sceneBoxFromAabbScale(double aabb_scale);
 

@@ -2,25 +2,25 @@
 #include "trainer/trainer.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <new>
-#include <system_error>
 
+#include "core/clock.h"
 #include "core/error.h"
 #include "core/metrics.h"
 #include "core/parallel.h"
 #include "core/photo_cache.h"
-#include "trainer/checkpoint.h"
-#include "trainer/checkpoint_writer.h"
+#include "trainer/checkpoint_keeper.h"
 #include "trainer/dataset_hash.h"
 #include "trainer/faint_cells.h"
 #include "trainer/memory_plan.h"
 #include "trainer/model_cameras.h"
+#include "trainer/possible_cells.h"
 #include "trainer/scene_box.h"
+#include "trainer/scene_shells.h"
 #include "trainer/seen_cells.h"
 #include "trainer/step_guard.h"
+#include "trainer/train_plan.h"
 #include "vdb/adapt.h"
 
 namespace nerfvdb {
@@ -35,91 +35,11 @@ constexpr float kOpenMinSeen = 0.05f;       // there a cell that never gave a ra
 constexpr int kSkyWidth = 512;              // texels around the horizon
 constexpr double kMostLooks = 4e6;          // rays of a look through the photographs, or as many as are enough
 constexpr double kErrorMemory = 0.99;       // of the running mean of the error, per step
-constexpr double kVoxelPerPixel = 0.6;      // voxels smaller than this share of a pixel's width show nothing new
 constexpr double kTellSeconds = 2;          // between progress reports
-constexpr double kCheckpointShare = 0.02;   // of the time at most that checkpoints halt training
 constexpr std::int64_t kFirstOccupancy = 32, kLastOccupancy = 512;  // steps between updates, growing inside a stage
 constexpr std::int64_t kProbeSteps = 40;    // of a stage, before its cost is believed
 constexpr double kSameExposure = 0.05;      // spread of gains that is not worth learning: fox has 0.03 and loses by it
 constexpr double kSaveSeconds = 0.3, kSaveSecondsPerVoxel = 1.0e-6;  // pruning and writing the model
-
-/// Seconds since it was made.
-class Clock {
-public:
-    double seconds() const { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(); }
-
-private:
-    std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
-};
-
-/// Mean colour of what counts in all photos (sRGB values): what an opaque scene shows where nothing is known.
-Vec3f meanColour(const Dataset& dataset) {
-    constexpr std::size_t kStride = 101;  // a prime: no column of pixels is looked at again and again
-    Vec3d sum = Vec3d::Zero();
-    double n = 0;
-    for (const View& view : dataset.views)
-        for (std::size_t i = 0; i < view.photo.pixelCount(); i += kStride) {
-            const auto width = static_cast<std::size_t>(view.photo.width);
-            const int x = static_cast<int>(i % width), y = static_cast<int>(i / width);
-            if (!view.mask.counts(x, y)) continue;
-            for (int c = 0; c < 3; ++c) sum[c] += view.photo.at(x, y)[c] / 255.0;
-            ++n;
-        }
-    return n > 0 ? Vec3f((sum / n).cast<float>()) : Vec3f::Zero();
-}
-
-/// Number of levels after which a voxel is smaller than what a pixel shows at the middle of the box.
-int usefulLevels(const Dataset& dataset, const Box& box, double coarsest_voxel) {
-    std::vector<double> pixel_sizes;
-    for (const View& view : dataset.views)
-        pixel_sizes.push_back((view.camera.position - box.center()).norm() / view.camera.fx);
-    std::nth_element(pixel_sizes.begin(), pixel_sizes.begin() + pixel_sizes.size() / 2, pixel_sizes.end());
-    const double smallest = kVoxelPerPixel * pixel_sizes[pixel_sizes.size() / 2];
-    int levels = 1;
-    while (levels < kMaxLevels && coarsest_voxel / (1 << levels) >= smallest) ++levels;
-    return levels;
-}
-
-/// Number of levels that end with voxels of the asked edge, the coarsest with 32 to 64 of them along the longest side.
-int levelsForVoxel(double side, double voxel_size) {
-    const double finest = side / std::ldexp(kCoarsestResolution, kMostLevels - 1), coarsest = side / kLeafDim;
-    if (!(voxel_size >= finest) || !(voxel_size <= coarsest)) {
-        char found[64], expected[96];
-        std::snprintf(found, sizeof found, "%.4g world units", voxel_size);
-        std::snprintf(expected, sizeof expected, "%.4g to %.4g, for a box %.4g long", finest, coarsest, side);
-        throw UsageError("--voxel-size", found, expected, "--bounds says which box");
-    }
-    int levels = 1;
-    while (std::ldexp(voxel_size, levels - 1) * kCoarsestResolution < side * (1 - 1e-9)) ++levels;
-    return levels;
-}
-
-/// What a preset stands for.
-struct PresetPlan {
-    std::int64_t steps;  // about one, five and thirty minutes on two cores for a scene like a small object
-    int max_levels;
-    // How much a voxel and the network hold: what `best` has costs twice the time a ray and 1.7 times the memory, and
-    // gains where there is time for it (docs/quality.md).
-    int channels, decoder_width;
-};
-
-PresetPlan planOf(Preset preset) {
-    switch (preset) {
-        case Preset::fast: return {11000, 3, 8, kDecoderWidth / 2};
-        case Preset::standard: return {25000, 4, 8, kDecoderWidth};
-        case Preset::best: return {75000, 4, 16, 2 * kDecoderWidth};
-    }
-    throw UsageError("training: an unknown preset");
-}
-
-PresetPlan planFor(const TrainOptions& options) {
-    PresetPlan plan = planOf(options.preset.value_or(Preset::standard));
-    // At large voxels the network is a fifth of the time, and rays are worth more than its width.
-    constexpr double kShort = 90;
-    if (!options.preset && options.steps.empty() && options.time_s && *options.time_s <= kShort)
-        plan.decoder_width = planOf(Preset::fast).decoder_width;
-    return plan;
-}
 
 /// Training from start to finish; each function is one move of the story.
 class Training {
@@ -127,7 +47,7 @@ public:
     Training(const Dataset& dataset, const TrainOptions& options, Report& report,
              const std::function<void(const TrainProgress&)>& on_interval, const std::filesystem::path& checkpoint)
         : dataset_(dataset), options_(options), report_(report), on_interval_(on_interval), checkpoint_(checkpoint),
-          writer_(checkpoint), source_(dataset, options.seed) {
+          checkpoints_(checkpoint, options.checkpoint_s, report), source_(dataset, options.seed) {
         if (options.skip_nothing) trace_ = {.stop_transmittance = 0, .min_weight = 0, .max_dropped = 0, .skip_unlit = false};
     }
 
@@ -145,8 +65,6 @@ private:
     MemoryPlan memoryPlan() const;
     void checkMemory() const;
     void chooseBackground();
-    std::vector<Stage> defaultPlan(std::int64_t steps) const;
-    void planFromOptions();
     void checkFinestVoxel(const Box& box, double coarsest_voxel) const;
     void replanForTime();
     bool runStage();  // false: the user asked to stop, or numeric_error_ says why
@@ -160,11 +78,6 @@ private:
     StepRates rates() const;
     void tell(bool force);
     void saveMeanwhile();
-    void saveNow();
-    bool hasRoomForCopy() const;
-    bool beginCopy();
-    void finishWriting();
-    void takeOutcome(const std::optional<std::string>& error);  // of writing a checkpoint, if one is over
     TrainResult finish(bool interrupted);
     Stage& stage() { return place_.stages[place_.stage]; }
     std::int64_t totalSteps() const;
@@ -174,7 +87,7 @@ private:
     Report& report_;
     const std::function<void(const TrainProgress&)>& on_interval_;
     const std::filesystem::path& checkpoint_;
-    CheckpointWriter writer_;
+    CheckpointKeeper checkpoints_;
 
     const std::size_t mapped_before_ = mappedFileBytes();  // by the program itself
     RaySource source_;
@@ -186,14 +99,12 @@ private:
     TraceOptions trace_;
     int max_levels_ = kMaxLevels;
     bool plans_time_ = false;
-    bool has_checkpoint_ = false;  // of this run, in its file
-    std::string checkpoint_error_;  // of the last attempt to write one
     std::vector<std::string> notes_;
 
     // Of the clock; nothing that is learned depends on these.
     Clock clock_;
     double step_seconds_ = 0;  // running mean on the current level; 0: unknown
-    double last_told_ = 0, last_saved_ = 0, save_seconds_ = 0;
+    double last_told_ = 0;
     double interval_error_ = 0;
     std::uint64_t interval_rays_ = 0;
 };
@@ -219,9 +130,9 @@ void Training::start() {
                         "cameras that look at a common scene", "check the poses, or give --bounds");
 
     if (photosOnDisk()) source_.limitMapped(mapped_before_ + mappedPhotoBytes() / 2);  // more is mapped until the next look
-    const PresetPlan plan = planFor(options_);
-    state_.decoder = Decoder(plan.channels, options_.seed, plan.decoder_width);
-    state_.field = VoxelField(std::move(topology), grid.frame, grid.shells, plan.channels,
+    const PresetPlan preset = presetPlan(options_);
+    state_.decoder = Decoder(preset.channels, options_.seed, preset.decoder_width);
+    state_.field = VoxelField(std::move(topology), grid.frame, grid.shells, preset.channels,
                               kUnitsPerBox / box.size().maxCoeff());
     // Alpha says already what is not the scene: no fog hides anything, and there is no sky.
     const bool has_sky = isOpen() && !dataset_.has_alpha;
@@ -244,8 +155,10 @@ void Training::start() {
     if (place_.tries_exposure || options_.exposure == ExposureMode::on)
         state_.exposures = Exposures(dataset_.views.size(), /*with_background=*/!dataset_.has_alpha);
     max_levels_ = options_.voxel_size ? asked_levels
-                                      : std::min(plan.max_levels, usefulLevels(dataset_, box, grid.frame.voxel_size));
-    planFromOptions();
+                                      : std::min(preset.max_levels, usefulLevels(dataset_, box, grid.frame.voxel_size));
+    place_.stages = planStages(options_, max_levels_, carvedSpace());
+    plans_time_ = plansTime(options_);
+    if (!plans_time_) report_.info("plan: " + scheduleText(place_.stages) + " steps");
     checkFinestVoxel(box, grid.frame.voxel_size);
     checkMemory();
     updateOccupancy();
@@ -262,7 +175,7 @@ void Training::checkMemory() const {
 
 void Training::resume() {
     loadCheckpoint(checkpoint_, state_, place_);
-    has_checkpoint_ = true;
+    checkpoints_.setHasFile();
     if (place_.n_views != static_cast<int>(dataset_.views.size()))
         throw DataError(checkpoint_.string(), "training on " + std::to_string(place_.n_views) + " views",
                         std::to_string(dataset_.views.size()) + " as in the data set",
@@ -313,37 +226,6 @@ void Training::chooseBackground() {
             state_.random_background = true;
             break;
     }
-}
-
-std::vector<Stage> Training::defaultPlan(std::int64_t steps) const {
-    return options_.voxel_size ? stagesOfLevels(steps, max_levels_, carvedSpace())
-                               : stagesForSteps(steps, max_levels_, carvedSpace());
-}
-
-void Training::planFromOptions() {
-    const std::vector<std::int64_t>& steps = options_.steps;
-    for (const std::int64_t n : steps)
-        if (n < 1) throw UsageError("--steps", std::to_string(n), "at least one step in each stage");
-    if (steps.size() > 1) {
-        if (options_.voxel_size && steps.size() != static_cast<std::size_t>(max_levels_) + 1)
-            throw UsageError("--steps", std::to_string(steps.size()) + " stages",
-                             std::to_string(max_levels_ + 1) + ", as --voxel-size needs " + std::to_string(max_levels_) +
-                                 " levels",
-                             "give one number for a default plan");
-        if (!options_.voxel_size && steps.size() > kMaxLevels + 1)
-            throw UsageError("--steps", std::to_string(steps.size()) + " stages",
-                             "2 to " + std::to_string(kMaxLevels + 1), "give one number for a default plan");
-        place_.stages = defaultStages(static_cast<int>(steps.size()) - 1, /*rays=*/1);
-        for (std::size_t s = 0; s < steps.size(); ++s) place_.stages[s].steps = steps[s];
-        shareBySteps(place_.stages);
-    } else if (steps.size() == 1 || !options_.time_s) {
-        place_.stages = defaultPlan(steps.empty() ? planFor(options_).steps : steps.front());
-    } else {
-        // Until its cost is known: enough for the first stage to be measured in.
-        place_.stages = defaultPlan(planFor(options_).steps);
-        plans_time_ = true;
-    }
-    if (!plans_time_) report_.info("plan: " + scheduleText(place_.stages) + " steps");
 }
 
 /// What could never be saved is not trained.
@@ -417,13 +299,13 @@ TrainResult Training::run() {
     report_.begin("training", totalSteps());
     for (;;) {
         if (!runStage()) {
-            if (numeric_error_.empty()) saveNow();
+            if (numeric_error_.empty()) checkpoints_.saveNow(state_, place_);
             return finish(/*interrupted=*/numeric_error_.empty());
         }
         if (place_.stage + 1 == place_.stages.size()) break;
         enterStage();
     }
-    saveNow();
+    checkpoints_.saveNow(state_, place_);
     return finish(/*interrupted=*/false);
 }
 
@@ -555,7 +437,7 @@ void Training::tell(bool force) {
     progress.rays = place_.rays;
     progress.voxels = state_.field.topology().voxelCount();
     progress.seconds = now + options_.elapsed_s;
-    progress.has_checkpoint = has_checkpoint_;
+    progress.has_checkpoint = checkpoints_.hasFile();
     interval_error_ = 0;
     interval_rays_ = 0;
     if (on_interval_) on_interval_(progress);
@@ -565,62 +447,16 @@ void Training::tell(bool force) {
     report_.update(place_.step, note);
 }
 
-/// Training halts while its state is copied; a second thread writes the copy. Where there is no memory for a copy,
-/// training halts until the state is written.
 void Training::saveMeanwhile() {
-    if (checkpoint_.empty()) return;
-    takeOutcome(writer_.outcome());
-    const double begin = clock_.seconds();
-    if (writer_.isBusy() || begin - last_saved_ < std::max(options_.checkpoint_s, save_seconds_ / kCheckpointShare))
-        return;
-    if (!hasRoomForCopy() || !beginCopy()) saveNow();
-    last_saved_ = clock_.seconds();
-    save_seconds_ = last_saved_ - begin;
-}
-
-bool Training::beginCopy() {
-    try {
-        writer_.begin(packCheckpoint(state_, place_));
-        return true;
-    } catch (const std::bad_alloc&) {
-        return false;
-    } catch (const std::system_error&) {  // no thread to be had
-        return false;
-    }
-}
-
-void Training::saveNow() {
-    if (checkpoint_.empty()) return;
-    finishWriting();
-    try {
-        saveCheckpoint(checkpoint_, state_, place_);
-        takeOutcome(std::string());
-    } catch (const IoError& error) {
-        takeOutcome(error.what());
-    }
-}
-
-void Training::finishWriting() {
-    writer_.wait();
-    takeOutcome(writer_.outcome());
-}
-
-/// What was learned is worth more than its checkpoint: a failure is told, and training goes on.
-void Training::takeOutcome(const std::optional<std::string>& error) {
-    if (!error) return;
-    if (error->empty()) has_checkpoint_ = true;
-    else if (checkpoint_error_.empty()) report_.warn("checkpoint not written, training goes on: " + *error);
-    checkpoint_error_ = *error;
-}
-
-bool Training::hasRoomForCopy() const {
-    return !options_.max_memory_bytes ||
-           memoryPlan().training(state_.field.topology().leafCount()) + checkpointBytes(state_, place_) <=
-               *options_.max_memory_bytes;
+    if (!checkpoints_.isDue()) return;
+    const bool has_room = !options_.max_memory_bytes ||
+                          memoryPlan().training(state_.field.topology().leafCount()) + checkpointBytes(state_, place_) <=
+                              *options_.max_memory_bytes;
+    checkpoints_.saveMeanwhile(state_, place_, has_room);
 }
 
 TrainResult Training::finish(bool interrupted) {
-    if (!checkpoint_.empty()) finishWriting();
+    checkpoints_.finish();
     tell(/*force=*/true);
     report_.end();
     TrainResult result;
@@ -642,7 +478,7 @@ TrainResult Training::finish(bool interrupted) {
     result.gains = state_.exposures.gains();
     result.undone_steps = guard_.undone();
     result.numeric_error = numeric_error_;
-    result.checkpoint_error = checkpoint_error_;
+    result.checkpoint_error = checkpoints_.error();
     result.notes = notes_;
     if (photosOnDisk()) result.notes.push_back("photographs were read from a cache on disk, not from memory");
     return result;

@@ -6,7 +6,7 @@
 #include "tests/support/catch.h"
 #include "tests/support/grid_field.h"
 #include "tests/support/sphere_dataset.h"
-#include "trainer/scene_box.h"
+#include "trainer/possible_cells.h"
 
 using namespace nerfvdb;
 

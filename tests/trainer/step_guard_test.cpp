@@ -10,7 +10,7 @@
 #include "tests/support/sphere_dataset.h"
 #include "tests/support/temp_dir.h"
 #include "trainer/checkpoint.h"
-#include "trainer/scene_box.h"
+#include "trainer/possible_cells.h"
 #include "trainer/trainer.h"
 
 using namespace nerfvdb;

@@ -15,7 +15,7 @@
 #include "tests/support/random_field.h"
 #include "tests/support/sphere_dataset.h"
 #include "tests/support/targets.h"
-#include "trainer/scene_box.h"
+#include "trainer/possible_cells.h"
 
 using namespace nerfvdb;
 
