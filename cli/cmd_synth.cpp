@@ -104,8 +104,8 @@ Command addSynth(CLI::App& program) {
     CLI::App& app =
         *program.add_subcommand("synth", "Make a data set of a procedural scene, with its exact truth");
     app.add_option("NAME", words->name, "One of: " + sceneNames())->required();
-    app.add_option("--out", words->out, "Folder for images and transforms, and truth.vdb and truth.ply of scenes in a box (all but plaza and "
-                   "street)")
+    app.add_option("--out", words->out, "Folder for images and transforms, and truth.vdb and truth.ply of scenes in a box (all but plaza, "
+                   "street and survey)")
         ->required()
         ->type_name("DIR");
     const auto number = [&](const char* name, int& value, const char* text, int low, int high) {

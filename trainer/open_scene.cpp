@@ -10,6 +10,7 @@
 #include "trainer/signed_distance.h"
 #include "trainer/solid_scene.h"
 #include "trainer/street_scene.h"
+#include "trainer/survey_scene.h"
 
 namespace nerfvdb {
 namespace {
@@ -59,7 +60,7 @@ Vec3d OpenScene::skyColour(const Vec3d& direction) const {
 }
 
 const std::vector<std::string>& openSceneNames() {
-    static const std::vector<std::string> names = {"plaza", "street"};
+    static const std::vector<std::string> names = {"plaza", "street", "survey"};
     return names;
 }
 
@@ -67,7 +68,8 @@ std::unique_ptr<OpenScene> makeOpenScene(const std::string& name, std::optional<
     if (name == "street") return makeStreetScene(length.value_or(kDefaultStreet));
     if (length) throw UsageError("--length", "the scene '" + name + "'", "'street', which alone has a length");
     if (name == "plaza") return makePlazaScene();
-    throw UsageError("open scene", "'" + name + "'", "one of plaza, street");
+    if (name == "survey") return makeSurveyScene();
+    throw UsageError("open scene", "'" + name + "'", "one of plaza, street, survey");
 }
 
 SurfaceHit firstHit(const OpenScene& scene, const Ray& ray) { return findHit(scene, ray).first; }

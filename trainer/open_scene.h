@@ -40,7 +40,7 @@ public:
     virtual std::vector<Camera> cameras(Split split, const SyntheticDatasetOptions& options) const = 0;
 };
 
-/// plaza, street.
+/// plaza, street, survey.
 const std::vector<std::string>& openSceneNames();
 
 /// `length` is the street's, in metres; only it has one. Throws UsageError: no such scene, no such length.

@@ -15,15 +15,18 @@
 namespace nerfvdb {
 namespace {
 
-constexpr double kInward = 0.75;   // of the cameras: they look at something in their middle
+constexpr double kInward = 0.75;   // of the cameras have what all look at in this middle part of their pictures
+constexpr double kMiddlePart = 0.5;
 constexpr double kOneWay = 0.8;    // length of the mean of the viewing directions: half of them within 35 degrees
 constexpr double kMargin = 0.1;    // around cameras, of the longest side of their box
 
 Vec3d axisOf(const Camera& camera) { return -camera.world_from_camera.col(2); }
 
-bool isInPicture(const Camera& camera, const Vec3d& point) {
+/// Whether a point is in the middle `part` of a picture's width and height, 1: anywhere in it.
+bool isInPicture(const Camera& camera, const Vec3d& point, double part = 1) {
     const std::optional<Vec2d> pixel = projectPoint(camera, point);
-    return pixel && pixel->x() >= 0 && pixel->y() >= 0 && pixel->x() < camera.width && pixel->y() < camera.height;
+    return pixel && std::abs(2 * pixel->x() - camera.width) < part * camera.width &&
+           std::abs(2 * pixel->y() - camera.height) < part * camera.height;
 }
 
 template <typename Value>
@@ -158,7 +161,7 @@ SceneShells findSceneShells(const Dataset& dataset, const std::optional<Box>& gi
     const double distance = medianOf(dataset, [&](const Camera& camera) { return (focus - camera.position).norm(); });
     const double focal_length = medianOf(dataset, [](const Camera& camera) { return camera.fx; });
     const auto n_inward = std::count_if(dataset.views.begin(), dataset.views.end(),
-                                        [&](const View& view) { return isInPicture(view.camera, focus); });
+                                        [&](const View& view) { return isInPicture(view.camera, focus, kMiddlePart); });
     const bool is_inward = static_cast<double>(n_inward) >= kInward * static_cast<double>(dataset.views.size());
     Vec3d axis = Vec3d::Zero();
     for (const View& view : dataset.views) axis += axisOf(view.camera) / static_cast<double>(dataset.views.size());
@@ -173,7 +176,7 @@ SceneShells findSceneShells(const Dataset& dataset, const std::optional<Box>& gi
     } else {
         Box box = cameras;
         if (axis.norm() > kOneWay) {
-            constexpr double kBeyond = 1.25;  // of the distance: what stands lower than most
+            constexpr double kBeyond = 1.6;  // of the distance: photographs may overlap more
             const Vec3d reach = kBeyond * distanceAhead(dataset, axis.normalized()) * axis.normalized();
             box = {cameras.min.cwiseMin(cameras.min + reach), cameras.max.cwiseMax(cameras.max + reach)};
         }

@@ -14,8 +14,8 @@ struct SceneShells {
     int count = 1;
 };
 
-/// For photographs without bounds. `given` goes before all else. Cameras that look at something in their middle have a
-/// box around it. Of others, sparse points tell where voxels are needed as fine as the inner box's (boxOfPoints).
+/// For photographs without bounds. `given` goes before all else. Cameras of which most have the point nearest to all
+/// their axes in the middle of their pictures have a box around it. Of others, sparse points tell where voxels are needed as fine as the inner box's (boxOfPoints).
 /// Without points, cameras that all look one way, as a survey's do, have a box from themselves to where they look
 /// (distanceAhead); others, who walk about, one around themselves. Shells reach to where nothing moves by more than a
 /// few pixels from one end of the capture to the other. Throws DataError when there is no such box, UsageError for a

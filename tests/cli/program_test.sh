@@ -218,7 +218,7 @@ test_synth() {
     done
 
     # Places without bounds: pictures without alpha, and no volume.
-    for name in plaza street; do
+    for name in plaza street survey; do
         expect 0 synth "$name" --out "$name" --views 4 --val-views 0 --test-views 2 --width 24 --height 16 --json "$name.json"
         [[ -s $name/transforms_train.json && ! -e $name/truth.vdb ]] || fail "$name: $(ls "$name")"
         expect 0 info "$name" --json -
