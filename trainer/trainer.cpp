@@ -31,7 +31,8 @@ constexpr double kUnitsPerBox = 260;        // density is learned per 1/260 of t
 constexpr float kInitialRaw = -4.19f;       // ... and starts at alpha 0.03 over two such units; ...
 // ... but an open scene near empty: a ray crosses many shells, and fog in the near ones would hide what stands behind.
 constexpr float kOpenInitialRaw = -7;
-constexpr float kOpenMinSeen = 0.05f;       // there a cell that never gave a ray this share of its light is not divided
+constexpr float kOpenMinSeen = 0.05f;       // there a cell no sample of which gave a ray this share of its light is not divided;
+                                            // beyond kMaxLevels, where a surface spreads over more samples, as much per length
 constexpr int kSkyWidth = 512;              // texels around the horizon
 constexpr double kMostLooks = 4e6;          // rays of a look through the photographs, or as many as are enough
 constexpr double kErrorMemory = 0.99;       // of the running mean of the error, per step
@@ -40,6 +41,8 @@ constexpr std::int64_t kFirstOccupancy = 32, kLastOccupancy = 512;  // steps bet
 constexpr std::int64_t kProbeSteps = 40;    // of a stage, before its cost is believed
 constexpr double kSameExposure = 0.05;      // spread of gains that is not worth learning: fox has 0.03 and loses by it
 constexpr double kSaveSeconds = 0.3, kSaveSecondsPerVoxel = 1.0e-6;  // pruning and writing the model
+
+float openMinSeen(int level) { return kOpenMinSeen / static_cast<float>(1 << std::max(0, level - (kMaxLevels - 1))); }
 
 /// Training from start to finish; each function is one move of the story.
 class Training {
@@ -144,7 +147,7 @@ void Training::start() {
     state_.density_moment = HugeArray<float>(state_.field.density().size());
     state_.feature_moment = HugeArray<float>(state_.field.density().size());
     state_.seen.assign(cells.leafCount(), {});
-    if (has_sky) state_.min_seen = kOpenMinSeen;
+    if (has_sky) state_.min_seen = openMinSeen(/*level=*/0);
     if (has_sky) state_.sky = Sky(kSkyWidth, meanColour(dataset_));
     place_.seed = options_.seed;
     place_.n_views = static_cast<int>(dataset_.views.size());
@@ -420,6 +423,7 @@ void Training::refine() {
         *moment = std::move(fine);
     }
     state_.seen.assign(state_.field.topology().leafCount(), {});
+    if (state_.min_seen > 0) state_.min_seen = openMinSeen(stage().level);
     step_seconds_ = 0;
     updateOccupancy();
 }
