@@ -33,6 +33,7 @@ constexpr float kInitialRaw = -4.19f;       // ... and starts at alpha 0.03 over
 constexpr float kOpenInitialRaw = -7;
 constexpr float kOpenMinSeen = 0.05f;       // there a cell no sample of which gave a ray this share of its light is not divided;
                                             // beyond kMaxLevels, where a surface spreads over more samples, as much per length
+constexpr float kOpenDensitySmoothing = 0.15f;  // and photographs of places bear, and need, smoother surfaces
 constexpr int kSkyWidth = 512;              // texels around the horizon
 constexpr double kMostLooks = 4e6;          // rays of a look through the photographs, or as many as are enough
 constexpr double kErrorMemory = 0.99;       // of the running mean of the error, per step
@@ -293,6 +294,7 @@ StepRates Training::rates() const {
     rates.sky *= factor;
     rates.sky_smoothing *= factor;
     rates.exposure *= factor;
+    if (!state_.sky.isEmpty()) rates.density_smoothing = kOpenDensitySmoothing;
     // As smooth per world unit at every level: at large voxels neighbours differ more, and smoothing helps less.
     rates.density_smoothing *= static_cast<float>(std::exp2(std::min(0, place_.stages[place_.stage].level - (kMaxLevels - 1))));
     return rates;
