@@ -26,7 +26,6 @@ TrainRun blockRun(const TrainRun& run, const BlockGrid& grid, const BlockId& blo
                   std::size_t rest_of_views) {
     TrainRun part = run;
     part.out = blockPath(run.out, block);
-    if (part.cache.empty()) part.cache = run.out;
     part.photographs.choose = [grid, block](const Camera& camera) { return grid.takesCameraAt(block, camera.position); };
     part.options.extent = SceneExtent::open;
     part.options.bounds = grid.box(block);
