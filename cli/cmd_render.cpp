@@ -2,6 +2,7 @@
 // nerfvdb render: pictures of a model or a volume from the cameras of a data set, of a path file, or around it.
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <numbers>
 
 #include "cli/camera_path.h"
@@ -51,7 +52,7 @@ std::vector<Camera> findCameras(const RenderWords& words, const Scene& scene, Re
     return cameras;
 }
 
-/// Near is white, far is dark, nothing is black.
+/// Near is white, far is dark, nothing is black; by the logarithm, or all of a place would be white but its horizon.
 Image depthForEyes(const Image& depth) {
     const float farthest = *std::max_element(depth.pixels.begin(), depth.pixels.end());
     float nearest = farthest;
@@ -60,7 +61,8 @@ Image depthForEyes(const Image& depth) {
     Image picture(depth.width, depth.height, 1);
     for (std::size_t i = 0; i < depth.pixels.size(); ++i) {
         if (depth.pixels[i] <= 0) continue;
-        const float share = farthest > nearest ? (depth.pixels[i] - nearest) / (farthest - nearest) : 0.0f;
+        const float share =
+            farthest > nearest ? std::log(depth.pixels[i] / nearest) / std::log(farthest / nearest) : 0.0f;
         picture.pixels[i] = 1.0f - 0.9f * share;
     }
     return picture;
@@ -147,7 +149,7 @@ Command addRender(CLI::App& program) {
         ->check(CLI::Range(0.1, 170.0))
         ->type_name("DEGREES");
     app.add_option("--out", words->out, "Folder for 0000.png, ... [renders]")->type_name("DIR");
-    app.add_flag("--depth", words->depth, "Also distance along the ray: .depth.exr (world units), .depth.png");
+    app.add_flag("--depth", words->depth, "Also distance along the ray: .depth.exr (world units), .depth.png (its logarithm: near is white)");
     app.add_flag("--opacity", words->opacity, "Also opacity: .opacity.exr, .opacity.png");
     app.add_flag("--normals", words->normals, "Also normals on world axes: .normals.exr, .normals.png");
     words->shared.add(app, "  nerfvdb render lego.vdb --orbit 60 --width 640 --height 480 --out turn --depth");
