@@ -11,12 +11,18 @@
 namespace nerfvdb::fuzz {
 
 /// `names` and `sound` are of cameras, images and points3D.
-inline void readColmapWith(const std::uint8_t* data, std::size_t size, const std::array<const char*, 3>& names,
-                           const std::array<std::string, 3>& sound) {
-    if (size == 0) return;
+inline int readColmapWith(const std::uint8_t* data, std::size_t size, const std::array<const char*, 3>& names,
+                          const std::array<std::string, 3>& sound) {
+    if (size == 0) return 0;
+    const auto fileOfPart = [&](std::size_t part, std::string_view bytes) {
+        fileOf(bytes, std::string("sparse/0/") + names[part]);
+    };
+    static std::size_t last = 3;  // the part that is not sound; none yet
     const std::size_t part = data[0] % 3;
     for (std::size_t i = 0; i < 3; ++i)
-        fileOf(i == part ? textOf(data + 1, size - 1) : std::string_view(sound[i]), std::string("sparse/0/") + names[i]);
+        if (i != part && (last == 3 || last == i)) fileOfPart(i, sound[i]);
+    last = part;
+    fileOfPart(part, textOf(data + 1, size - 1));
     for (const bool strict : {false, true})
         isRead([&] {
             for (const View& view : readColmap(folder(), Split::train, strict).views) {
@@ -24,21 +30,21 @@ inline void readColmapWith(const std::uint8_t* data, std::size_t size, const std
                 require(cameraProblem(view.camera).empty(), "usable cameras");
             }
         });
+    return 0;
 }
 
-/// Three images, laid beside the model at the first call.
-inline const testing::ColmapScene& smallColmapScene() {
-    static testing::ColmapScene scene;
-    if (scene.images.size() == 3) return scene;
-    scene.images.resize(3);
-    scene.points.resize(4);
-    for (ColmapImage& image : scene.images) image.observations.resize(2);
-    for (ColmapPoint& point : scene.points) point.track_length = 2;
-    for (const ColmapImage& image : scene.images) {
-        fileOf({}, "images/" + image.name);
-        writeImage(folder() / "images" / image.name, Image(40, 20, 3));
+/// Of three images, which it lays beside the model.
+struct SmallColmapScene : testing::ColmapScene {
+    SmallColmapScene() {
+        images.resize(3);
+        points.resize(4);
+        for (ColmapImage& image : images) image.observations.resize(2);
+        for (ColmapPoint& point : points) point.track_length = 2;
+        for (const ColmapImage& image : images) {
+            fileOf({}, "images/" + image.name);
+            writeImage(fuzz::folder() / "images" / image.name, Image(40, 20, 3));
+        }
     }
-    return scene;
-}
+};
 
 }  // namespace nerfvdb::fuzz

@@ -54,15 +54,29 @@ TrainResult trainTo(const std::filesystem::path& checkpoint, Report& report, boo
     return train(sphere(), shortRun(), report, {}, checkpoint, resume);
 }
 
+struct Loaded {
+    TrainState state;
+    TrainPlace place;
+};
+
+Loaded load(const std::filesystem::path& checkpoint) {
+    Loaded loaded;
+    loadCheckpoint(checkpoint, loaded.state, loaded.place);
+    return loaded;
+}
+
+/// What a training stands at that was stopped after so many steps, by way of its checkpoint.
+Loaded stoppedAfter(int steps, const std::filesystem::path& checkpoint) {
+    StopAfter report(steps);
+    trainTo(checkpoint, report, false);
+    return load(checkpoint);
+}
+
 }  // namespace
 
 TEST_CASE("a checkpoint that is loaded and saved again repeats the file") {
     const TempDir dir;
-    StopAfter report(50);
-    trainTo(dir / "a.ckpt", report, false);
-    TrainState state;
-    TrainPlace place;
-    loadCheckpoint(dir / "a.ckpt", state, place);
+    const auto [state, place] = stoppedAfter(50, dir / "a.ckpt");
     CHECK(place.step == 50);
     CHECK(place.stage == 1);
     CHECK(place.step_in_stage == 14);
@@ -72,11 +86,7 @@ TEST_CASE("a checkpoint that is loaded and saved again repeats the file") {
 
 TEST_CASE("a checkpoint from a copy of the state is the same file, of a size known beforehand") {
     const TempDir dir;
-    StopAfter report(50);
-    trainTo(dir / "a.ckpt", report, false);
-    TrainState state;
-    TrainPlace place;
-    loadCheckpoint(dir / "a.ckpt", state, place);
+    auto [state, place] = stoppedAfter(50, dir / "a.ckpt");
     const PackedCheckpoint packed = packCheckpoint(state, place);
     CHECK(packed.size == checkpointBytes(state, place));
     saveCheckpoint(dir / "b.ckpt", packed);
@@ -114,11 +124,7 @@ TEST_CASE("training at a level that only --voxel-size has is resumed, too") {
 
 TEST_CASE("a checkpoint that the second thread cannot write says why") {
     const TempDir dir;
-    StopAfter report(1);
-    trainTo(dir / "a.ckpt", report, false);
-    TrainState state;
-    TrainPlace place;
-    loadCheckpoint(dir / "a.ckpt", state, place);
+    const auto [state, place] = stoppedAfter(1, dir / "a.ckpt");
     CheckpointWriter writer(dir / "absent" / "b.ckpt");
     writer.begin(packCheckpoint(state, place));
     writer.wait();
@@ -148,9 +154,7 @@ TEST_CASE("a checkpoint of an open scene keeps its shells and its sky, and goes 
     opaque.has_alpha = false;
     StopAfter report(50);
     REQUIRE(train(opaque, options, report, {}, dir / "a.ckpt").interrupted);
-    TrainState state;
-    TrainPlace place;
-    loadCheckpoint(dir / "a.ckpt", state, place);
+    const auto [state, place] = load(dir / "a.ckpt");
     CHECK(state.field.shells().count > 3);
     CHECK(state.field.shells().fits(state.field.topology().dims()));
     CHECK_FALSE(state.sky.isEmpty());
@@ -182,9 +186,7 @@ TEST_CASE("a preset decides how much a voxel and the network hold, and a checkpo
         options.time_s = c.time_s;
         if (!c.with_steps) options.steps.clear();
         train(sphere(), options, report, {}, dir / "a.ckpt");
-        TrainState state;
-        TrainPlace place;
-        loadCheckpoint(dir / "a.ckpt", state, place);
+        const auto [state, place] = load(dir / "a.ckpt");
         CHECK(state.field.channels() == c.channels);
         CHECK(state.decoder.width() == c.width);
         saveCheckpoint(dir / "b.ckpt", state, place);
@@ -219,28 +221,26 @@ TEST_CASE("what is not a whole checkpoint of this version is refused, and says w
     StopAfter report(3);
     trainTo(dir / "good.ckpt", report, false);
     const std::string good = readFile(dir / "good.ckpt");
-    TrainState state;
-    TrainPlace place;
-    const auto load = [&](std::string_view bytes) {
+    const auto loadBytes = [&](std::string_view bytes) {
         writeAtomically(dir / "bad.ckpt", bytes);
-        loadCheckpoint(dir / "bad.ckpt", state, place);
+        load(dir / "bad.ckpt");
     };
-    CHECK_THROWS_AS(loadCheckpoint(dir / "none.ckpt", state, place), IoError);
-    CHECK_THROWS_WITH(load(""), Catch::Contains("bad.ckpt") && Catch::Contains("another kind of file"));
-    CHECK_THROWS_WITH(load("P6 a picture of something else"), Catch::Contains("another kind of file"));
+    CHECK_THROWS_AS(load(dir / "none.ckpt"), IoError);
+    CHECK_THROWS_WITH(loadBytes(""), Catch::Contains("bad.ckpt") && Catch::Contains("another kind of file"));
+    CHECK_THROWS_WITH(loadBytes("P6 a picture of something else"), Catch::Contains("another kind of file"));
     std::string newer = good;
     newer[std::string("nerfvdb-checkpoint ").size()] = '9';
-    CHECK_THROWS_WITH(load(newer), Catch::Contains("another version"));
+    CHECK_THROWS_WITH(loadBytes(newer), Catch::Contains("another version"));
     for (const std::size_t place_of_damage :
          {good.size() - 1, good.size() / 2, std::size_t{60}, std::size_t{30}}) {
         std::string damaged = good;
         damaged[place_of_damage] = static_cast<char>(damaged[place_of_damage] ^ 4);
-        CHECK_THROWS_WITH(load(damaged), Catch::Contains("damaged or truncated"));
+        CHECK_THROWS_WITH(loadBytes(damaged), Catch::Contains("damaged or truncated"));
     }
     for (const std::size_t length : {good.size() - 1, good.size() / 2, std::size_t{40}})
-        CHECK_THROWS_WITH(load(good.substr(0, length)), Catch::Contains("damaged or truncated"));
-    CHECK_THROWS_AS(load(good + "x"), DataError);
-    CHECK_NOTHROW(load(good));
+        CHECK_THROWS_WITH(loadBytes(good.substr(0, length)), Catch::Contains("damaged or truncated"));
+    CHECK_THROWS_AS(loadBytes(good + "x"), DataError);
+    CHECK_NOTHROW(loadBytes(good));
 }
 
 TEST_CASE("resuming with another data set is refused") {
