@@ -49,6 +49,8 @@ Json outcomeJson(const TrainRun& run, const TrainResult& result, const Dataset& 
             {"exposure_gains", result.gains},
             {"interrupted", result.interrupted},
             {"undone_steps", result.undone_steps},
+            {"checkpoints", result.checkpoints},
+            {"checkpoint_seconds", result.checkpoint_seconds},
             {"notes", result.notes}};
 }
 

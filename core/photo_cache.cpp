@@ -5,6 +5,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdlib>
 #include <cstring>
@@ -16,6 +17,8 @@
 namespace nerfvdb {
 namespace {
 
+// Linux caches what is written at once in as large a block as it can, and maps all of a block when a byte of it is read.
+constexpr std::size_t kPieceBytes = std::size_t{64} << 10;
 constexpr std::size_t kTilePixels = static_cast<std::size_t>(Photo::kTile) * Photo::kTile;
 
 std::size_t tileCount(const Photo& photo) {
@@ -57,7 +60,8 @@ Photo PhotoCache::add(const Photo& photo) {
     const char* const data = reinterpret_cast<const char*>(tiles.data());
     const std::size_t used = tiles.size() * sizeof tiles[0];
     for (std::size_t done = 0; done < used;) {
-        const ssize_t written = ::pwrite(file_, data + done, used - done, static_cast<off_t>(begin + done));
+        const std::size_t piece = std::min(used - done, kPieceBytes);
+        const ssize_t written = ::pwrite(file_, data + done, piece, static_cast<off_t>(begin + done));
         if (written < 0 && errno == EINTR) continue;
         if (written < 0) throwErrno(folder_, "room for the decoded photographs");
         done += static_cast<std::size_t>(written);

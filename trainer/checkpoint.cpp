@@ -401,7 +401,8 @@ void saveCheckpoint(const std::filesystem::path& path, const TrainState& state, 
     writePieces(path, write, Durable::system);
 }
 
-void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainPlace& place) {
+void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainPlace& place,
+                    const std::function<void()>& check) {
     const Descriptor file(path, O_RDONLY);
     struct stat status;
     if (!file.isOpen() || ::fstat(file.get(), &status) != 0) throwErrno(path, errno, "a file that can be read");
@@ -437,6 +438,7 @@ void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainP
         state.occupancy.cells.size() != topology.leafCount())
         reader.fail();
     std::copy(network.begin(), network.end(), state.decoder.parameters().begin());
+    check();
     readPool(reader, topology, 1, state.field.density());
     readPool(reader, topology, grid.channels, state.field.features());
     readPool(reader, topology, 1, state.density_moment.span());

@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -45,6 +46,8 @@ void saveCheckpoint(const std::filesystem::path& path, const PackedCheckpoint& p
 void saveCheckpoint(const std::filesystem::path& path, const TrainState& state, const TrainPlace& place);
 
 /// Throws IoError / DataError: no such file, not a checkpoint, another version, damaged (the hash is verified first).
-void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainPlace& place);
+/// `check` is called when all is there but what the voxels hold, which takes the memory; what it throws ends loading.
+void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainPlace& place,
+                    const std::function<void()>& check = [] {});
 
 }  // namespace nerfvdb

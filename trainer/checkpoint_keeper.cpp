@@ -25,6 +25,8 @@ void CheckpointKeeper::saveMeanwhile(const TrainState& state, const TrainPlace& 
     if (!can_copy || !beginCopy(state, place)) saveNow(state, place);
     last_saved_ = clock_.seconds();
     halted_ = last_saved_ - begin;
+    all_halted_ += halted_;
+    ++count_;
 }
 
 bool CheckpointKeeper::beginCopy(const TrainState& state, const TrainPlace& place) {

@@ -34,6 +34,9 @@ public:
     void setHasFile() { has_file_ = true; }
     /// Why the last checkpoint could not be written; empty: it was.
     const std::string& error() const { return error_; }
+    /// Checkpoints at intervals, and how long training halted for all of them.
+    int count() const { return count_; }
+    double haltedSeconds() const { return all_halted_; }
 
 private:
     bool beginCopy(const TrainState& state, const TrainPlace& place);
@@ -45,6 +48,8 @@ private:
     CheckpointWriter writer_;
     Clock clock_;
     double last_saved_ = 0, halted_ = 0;  // seconds; the second, what the last checkpoint at an interval cost
+    double all_halted_ = 0;
+    int count_ = 0;
     bool has_file_ = false;
     std::string error_;
 };

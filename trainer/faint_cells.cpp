@@ -43,6 +43,7 @@ float chooseMinAlpha(const VoxelField& field, const RaySource& source, std::uint
     KeptSamples kept;
     for (int first = 0; first < kRays; first += kTileRays) {
         tracer.clear();
+        source.boundMapped();
         for (int r = 0; r < kTileRays; ++r) {
             const TrainingRay drawn = source.draw(kStream + step, static_cast<std::uint64_t>(first + r));
             tracer.addRay(scene, drawn.ray, all_weights.step_voxels, drawn.jitter);

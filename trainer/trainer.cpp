@@ -67,7 +67,7 @@ private:
     bool photosOnDisk() const { return !dataset_.views.empty() && dataset_.views.front().photo.tiles != nullptr; }
     std::size_t mappedPhotoBytes() const;  // of photographs on disk that may stand in memory at once
     MemoryPlan memoryPlan() const;
-    void checkMemory() const;
+    void checkMemory(const std::string& voxels, const std::string& advice) const;
     void chooseBackground();
     void checkFinestVoxel(const Box& box, double coarsest_voxel) const;
     void replanForTime();
@@ -164,21 +164,21 @@ void Training::start() {
     plans_time_ = plansTime(options_);
     if (!plans_time_) report_.info("plan: " + scheduleText(place_.stages) + " steps");
     checkFinestVoxel(box, grid.frame.voxel_size);
-    checkMemory();
+    checkMemory("the coarsest voxels", "allow more, or use fewer or smaller photographs");
     updateOccupancy();
 }
 
-void Training::checkMemory() const {
+void Training::checkMemory(const std::string& voxels, const std::string& advice) const {
     const std::size_t needed = memoryPlan().training(state_.field.topology().leafCount());
     if (!options_.max_memory_bytes || needed <= *options_.max_memory_bytes) return;
     throw UsageError("--max-memory", std::to_string(*options_.max_memory_bytes >> 20) + " MiB",
-                     "at least " + std::to_string((needed >> 20) + 1) +
-                         " MiB, for the program, the photographs and the coarsest voxels",
-                     "allow more, or use fewer or smaller photographs");
+                     "at least " + std::to_string((needed >> 20) + 1) + " MiB, for the program, the photographs and " + voxels,
+                     advice);
 }
 
 void Training::resume() {
-    loadCheckpoint(checkpoint_, state_, place_);
+    loadCheckpoint(checkpoint_, state_, place_,
+                   [&] { checkMemory("the voxels of " + checkpoint_.string(), "allow more, or train without --resume"); });
     checkpoints_.setHasFile();
     if (place_.n_views != static_cast<int>(dataset_.views.size()))
         throw DataError(checkpoint_.string(), "training on " + std::to_string(place_.n_views) + " views",
@@ -485,6 +485,8 @@ TrainResult Training::finish(bool interrupted) {
     result.undone_steps = guard_.undone();
     result.numeric_error = numeric_error_;
     result.checkpoint_error = checkpoints_.error();
+    result.checkpoints = checkpoints_.count();
+    result.checkpoint_seconds = checkpoints_.haltedSeconds();
     result.notes = notes_;
     if (photosOnDisk()) result.notes.push_back("photographs were read from a cache on disk, not from memory");
     return result;

@@ -36,6 +36,8 @@ struct TrainResult {
     std::uint64_t undone_steps = 0;  // that met values which are not finite, and were tried again
     std::string numeric_error;       // why training stopped early although nobody asked; empty: it did not
     std::string checkpoint_error;    // why the last checkpoint could not be written; empty: it was
+    int checkpoints = 0;             // written at intervals, and ...
+    double checkpoint_seconds = 0;   // ... how long training halted for them
     std::vector<std::string> notes;  // facts for the user: plan, memory limit reached, ...
 };
 

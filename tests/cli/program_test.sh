@@ -37,6 +37,9 @@ has_keys() {
     for key in "$@"; do grep -q "\"$key\":" "$file" || fail "$file has no key $key: $(cat "$file")"; done
 }
 
+# number FILE KEY: a number in a JSON file.
+number() { sed -nE "s/.*\"$2\": ([0-9.eE+-]+).*/\1/p" "$1"; }
+
 readonly commands=(train eval render export mesh info synth bench prepare selftest)
 
 # A data set that trains in moments.
@@ -900,6 +903,33 @@ test_bad_places() {
     [[ ! -e prepared/sparse/0/images.bin ]] || fail "prepare made a data set on a full disk"
     expect 0 prepare data/train --out prepared
     [[ -s prepared/sparse/0/images.bin ]] || fail "prepare could not go on"
+}
+
+test_max_memory() {
+    local limit peak last=0
+    if grep -qE '__(asan|tsan)_init' "$program"; then
+        printf '%s\n' "a sanitizer has memory of its own: skipped"
+        exit 77
+    fi
+    expect 0 synth thin --out data --views 12 --val-views 0 --test-views 0 --width 150 --height 150 --no-truth
+    expect 0 train data --out model.vdb --steps 40,40,40,40 --json free.json
+    peak=$(number free.json peak_memory_bytes)
+    expect 2 train data --out tight.vdb --steps 40,40,40,40 --max-memory 140MiB
+    says err "--max-memory: found 140 MiB, expected at least"
+    [[ ! -e tight.vdb ]] || fail "a model in no memory"
+    expect 2 train data --out model.vdb --resume --max-memory 260MiB
+    says err "--max-memory: found 260 MiB, expected at least"
+    says err "the voxels of model.ckpt; allow more, or train without --resume"
+    for limit in 190 225 260; do
+        ((peak > limit << 20)) || fail "$limit MiB are enough without a limit: $peak"
+        expect 0 train data --out tight.vdb --steps 40,40,40,40 --max-memory ${limit}MiB --json tight.json
+        says tight.json "stayed at voxels of"
+        says err "finer ones need"
+        (($(number tight.json peak_memory_bytes) <= (limit << 20) * 11 / 10)) ||
+            fail "allowed $limit MiB, took $(number tight.json peak_memory_bytes) bytes"
+        (($(number tight.json active_voxels) >= last)) || fail "fewer voxels in more memory"
+        last=$(number tight.json active_voxels)
+    done
 }
 
 "test_$case_name"

@@ -65,6 +65,17 @@ TEST_CASE("pages that are let go no longer count as memory") {
     CHECK(before - mappedFileBytes() >= std::size_t{15} << 20);
 }
 
+TEST_CASE("pixels that are looked at bring little more than themselves into memory") {
+    const TempDir dir;
+    PhotoCache cache(dir.path());
+    const Photo cached = cache.add(photoOf(2048, 2048, 1));
+    const std::size_t before = mappedFileBytes();
+    int sum = 0;
+    for (const int at : {300, 1000, 1700}) sum += cached.at(at, at)[0];
+    REQUIRE(sum > 0);
+    CHECK(mappedFileBytes() - before <= std::size_t{1} << 20);
+}
+
 TEST_CASE("a cache that finds no place says where and what to do") {
     const TempDir dir;
     CHECK_THROWS_AS(PhotoCache(dir / "none"), IoError);

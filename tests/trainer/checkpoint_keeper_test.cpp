@@ -48,6 +48,8 @@ TEST_CASE("what the second thread writes and what training waits for are the sam
     REQUIRE(meanwhile.hasFile());
     REQUIRE(waiting.hasFile());
     REQUIRE(readFile(dir / "a.ckpt") == readFile(dir / "b.ckpt"));
+    REQUIRE(waiting.count() == 1);
+    REQUIRE(waiting.haltedSeconds() > 0);
     REQUIRE(report.lines.empty());
 }
 
