@@ -14,6 +14,7 @@
 
 #include "core/atomic_file.h"
 #include "core/error.h"
+#include "core/exr_header.h"
 #include "core/image_end.h"
 
 namespace nerfvdb {
@@ -52,11 +53,12 @@ void quietenOpenImageIO() {
 
 std::string firstLine(const std::string& text) { return text.substr(0, text.find('\n')); }
 
+bool isExr(std::string_view bytes) { return bytes.starts_with("\x76\x2f\x31\x01"); }
+
 /// OpenImageIO would try its other formats on a file of any name, down to ones that few ever looked at.
 bool isKnownFormat(std::string_view bytes) {
     using namespace std::string_view_literals;
-    return bytes.starts_with("\x89PNG\r\n\x1a\n"sv) || bytes.starts_with("\xFF\xD8\xFF"sv) ||
-           bytes.starts_with("\x76\x2f\x31\x01"sv);  // OpenEXR
+    return bytes.starts_with("\x89PNG\r\n\x1a\n"sv) || bytes.starts_with("\xFF\xD8\xFF"sv) || isExr(bytes);
 }
 
 /// Refuses what is no picture by its first bytes.
@@ -70,6 +72,7 @@ void checkBeginning(const fs::path& path) {
     const std::string_view bytes(first.data(), static_cast<std::size_t>(file.gcount()));
     if (!isKnownFormat(bytes))
         throwUndecodable(path, bytes.empty() ? "an empty file" : "a file that begins as no image of these kinds");
+    if (isExr(bytes) && isTruncatedExrHeader(file)) throwUndecodable(path, "a header that the file is too short for");
 }
 
 std::unique_ptr<ImageInput> openImage(const fs::path& path) {

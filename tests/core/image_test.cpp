@@ -4,10 +4,12 @@
 #include <chrono>
 #include <cmath>
 #include <limits>
+#include <sstream>
 #include <thread>
 
 #include "core/atomic_file.h"
 #include "core/error.h"
+#include "core/exr_header.h"
 #include "core/image_end.h"
 #include "core/random.h"
 #include "tests/support/catch.h"
@@ -253,6 +255,34 @@ TEST_CASE("bytes after the end mark and thumbnails inside do not confuse the end
     CHECK(isTruncatedImage(start + thumbnail));
     CHECK(isTruncatedImage(start + "\xFF\xE1"s));
     CHECK_FALSE(isTruncatedImage("something else"));
+}
+
+TEST_CASE("an EXR whose attribute is longer than its file is refused before memory is taken for it", "[core]") {
+    const TempDir dir;
+    writeImage(dir / "a.exr", noise(8, 8, 3));
+    std::string bytes = readFile(dir / "a.exr");
+    const std::size_t length = bytes.find('\0', bytes.find('\0', 8) + 1) + 1;  // of the first attribute's value
+    bytes.replace(length, 4, "\xF0\xFF\xFF\x7F");  // 2 GiB
+    overwrite(dir / "a.exr", bytes);
+    CHECK_THROWS_WITH(readImageHeader(dir / "a.exr"), Contains("a.exr") && Contains("too short"));
+}
+
+TEST_CASE("every header of an EXR is walked, and no further", "[core]") {
+    using namespace std::string_literals;
+    const auto isTruncated = [](const std::string& bytes) {
+        std::istringstream stream(bytes);
+        return isTruncatedExrHeader(stream);
+    };
+    const std::string one_part = "\x76\x2f\x31\x01\x02\0\0\0"s, parts = "\x76\x2f\x31\x01\x02\x10\0\0"s;
+    const std::string header = "a\0int\0\x04\0\0\0abcd\0"s, cut = "a\0int\0\x05\0\0\0abcd"s;
+    CHECK_FALSE(isTruncated(one_part + header));
+    CHECK_FALSE(isTruncated(one_part + header + cut));  // pixels
+    CHECK_FALSE(isTruncated(parts + header + header + "\0"s));
+    CHECK(isTruncated(parts + header + cut));
+    CHECK(isTruncated(parts + header + header));
+    for (std::size_t size = 0; size < (one_part + header).size(); ++size)
+        CHECK(isTruncated((one_part + header).substr(0, size)));
+    CHECK(isTruncated(one_part + std::string(300, 'a')));  // no name is so long
 }
 
 TEST_CASE("files that are no images are told apart", "[core]") {
