@@ -33,7 +33,7 @@ constexpr float kInitialRaw = -4.19f;       // ... and starts at alpha 0.03 over
 constexpr float kOpenInitialRaw = -7;
 constexpr float kOpenMinSeen = 0.05f;       // there a cell no sample of which gave a ray this share of its light is not divided;
                                             // beyond kMaxLevels, where a surface spreads over more samples, as much per length
-constexpr float kOpenDensitySmoothing = 0.15f;  // and photographs of places bear, and need, smoother surfaces
+constexpr float kOpenDensitySmoothing = 0.075f;  // and photographs of places bear, and need, smoother surfaces
 constexpr int kSkyWidth = 512;              // texels around the horizon
 constexpr double kMostLooks = 4e6;          // rays of a look through the photographs, or as many as are enough
 constexpr double kErrorMemory = 0.99;       // of the running mean of the error, per step
