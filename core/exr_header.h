@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Does an EXR's header fit into its file? OpenEXR takes memory for an attribute of any length that a header states.
+// Is an EXR's header what its file can hold? OpenEXR takes memory for whatever length a header states, and reads some
+// attributes by what they contain, past the length that they state.
 #pragma once
 
 #include <iosfwd>
+#include <string>
 
 namespace nerfvdb {
 
-/// True if an attribute of the OpenEXR file in `stream` (seekable, binary) claims more bytes than the file goes on for,
-/// or if the file ends within its header. Leaves the stream anywhere.
-bool isTruncatedExrHeader(std::istream& stream);
+/// What is wrong with the header of the OpenEXR file in `stream` (seekable, binary), in a few words: it ends with the file,
+/// or an attribute's value is not as long as it states. Empty: nothing. Leaves the stream anywhere.
+std::string exrHeaderProblem(std::istream& stream);
 
 }  // namespace nerfvdb

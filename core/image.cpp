@@ -72,7 +72,8 @@ void checkBeginning(const fs::path& path) {
     const std::string_view bytes(first.data(), static_cast<std::size_t>(file.gcount()));
     if (!isKnownFormat(bytes))
         throwUndecodable(path, bytes.empty() ? "an empty file" : "a file that begins as no image of these kinds");
-    if (isExr(bytes) && isTruncatedExrHeader(file)) throwUndecodable(path, "a header that the file is too short for");
+    if (!isExr(bytes)) return;
+    if (const std::string problem = exrHeaderProblem(file); !problem.empty()) throwUndecodable(path, problem);
 }
 
 std::unique_ptr<ImageInput> openImage(const fs::path& path) {

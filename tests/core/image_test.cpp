@@ -269,20 +269,43 @@ TEST_CASE("an EXR whose attribute is longer than its file is refused before memo
 
 TEST_CASE("every header of an EXR is walked, and no further", "[core]") {
     using namespace std::string_literals;
-    const auto isTruncated = [](const std::string& bytes) {
+    const auto isSound = [](const std::string& bytes) {
         std::istringstream stream(bytes);
-        return isTruncatedExrHeader(stream);
+        return exrHeaderProblem(stream).empty();
     };
     const std::string one_part = "\x76\x2f\x31\x01\x02\0\0\0"s, parts = "\x76\x2f\x31\x01\x02\x10\0\0"s;
-    const std::string header = "a\0int\0\x04\0\0\0abcd\0"s, cut = "a\0int\0\x05\0\0\0abcd"s;
-    CHECK_FALSE(isTruncated(one_part + header));
-    CHECK_FALSE(isTruncated(one_part + header + cut));  // pixels
-    CHECK_FALSE(isTruncated(parts + header + header + "\0"s));
-    CHECK(isTruncated(parts + header + cut));
-    CHECK(isTruncated(parts + header + header));
+    const std::string header = "a\0int\0\x04\0\0\0abcd\0"s, cut = "a\0string\0\x05\0\0\0abcd"s;
+    CHECK(isSound(one_part + header));
+    CHECK(isSound(one_part + header + cut));  // pixels
+    CHECK(isSound(parts + header + header + "\0"s));
+    CHECK_FALSE(isSound(parts + header + cut));
+    CHECK_FALSE(isSound(parts + header + header));
     for (std::size_t size = 0; size < (one_part + header).size(); ++size)
-        CHECK(isTruncated((one_part + header).substr(0, size)));
-    CHECK(isTruncated(one_part + std::string(300, 'a')));  // no name is so long
+        CHECK_FALSE(isSound((one_part + header).substr(0, size)));
+    CHECK_FALSE(isSound(one_part + std::string(300, 'a')));
+}
+
+TEST_CASE("attributes of an EXR are as long as they state", "[core]") {
+    using namespace std::string_literals;
+    const auto isSound = [](const std::string& type, const std::string& value) {
+        std::istringstream stream("\x76\x2f\x31\x01\x02\0\0\0a\0"s + type + '\0' + static_cast<char>(value.size()) +
+                                  "\0\0\0"s + value + '\0');
+        return exrHeaderProblem(stream).empty();
+    };
+    const std::string channel = "R\0"s + std::string(16, '\1');
+    CHECK(isSound("chlist", channel + channel + "\0"s));
+    CHECK_FALSE(isSound("chlist", channel + channel));             // no end
+    CHECK_FALSE(isSound("chlist", channel + "\0more"s));
+    CHECK_FALSE(isSound("chlist", channel.substr(0, 9) + "\0"s));
+    CHECK(isSound("stringvector", "\2\0\0\0ab\0\0\0\0"s));
+    CHECK_FALSE(isSound("stringvector", "\2\0\0\x40""ab"s));     // a gigabyte
+    CHECK(isSound("preview", "\1\0\0\0\2\0\0\0abcdefgh"s));
+    CHECK_FALSE(isSound("preview", "\1\0\0\0\3\0\0\0abcdefgh"s));
+    CHECK_FALSE(isSound("preview", "\xff\xff\xff\xff\xff\xff\xff\xff"s));
+    CHECK(isSound("v2f", "12345678"));
+    CHECK_FALSE(isSound("v2f", "1234567"));
+    CHECK_FALSE(isSound("idmanifest", "12345678"));
+    CHECK(isSound("of our own", "12345678"));
 }
 
 TEST_CASE("files that are no images are told apart", "[core]") {
