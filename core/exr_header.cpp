@@ -3,6 +3,8 @@
 // up to an empty name. A file of several parts has a header for each, up to an empty one.
 #include "core/exr_header.h"
 
+#include <algorithm>
+#include <array>
 #include <cstdint>
 #include <istream>
 #include <map>
@@ -48,10 +50,28 @@ void skipPreview(ByteReader& bytes) {
     bytes.take(are_there ? 4 * width * height : bytes.left() + 1, "pixels");
 }
 
-/// Is a value of this type exactly as long as these bytes? Of types that are not listed OpenEXR believes the length.
-bool fits(std::string_view type, std::span<const std::uint8_t> value) {
-    if (const auto fixed = fixedLengths().find(type); fixed != fixedLengths().end()) return value.size() == fixed->second;
+/// Lines and tiles are decoded in buffers as wide as these say.
+bool isSoundBox(ByteReader bytes) {
+    constexpr std::int64_t kLongestSide = 1 << 16;
+    std::array<std::int64_t, 4> limits;  // low x, low y, high x, high y; both inside
+    for (std::int64_t& limit : limits) limit = bytes.number<std::int32_t>("a corner");
+    const std::int64_t width = limits[2] - limits[0] + 1, height = limits[3] - limits[1] + 1;
+    return std::min(width, height) > 0 && std::max(width, height) <= kLongestSide;
+}
+
+bool isSoundTile(ByteReader bytes) {
+    constexpr std::uint32_t kLongestSide = 4096;
+    const auto width = bytes.number<std::uint32_t>("a width"), height = bytes.number<std::uint32_t>("a height");
+    return std::min(width, height) > 0 && std::max(width, height) <= kLongestSide;
+}
+
+/// Is a value of this type exactly as long as these bytes, and no cause for much memory? Of types that are not listed
+/// OpenEXR believes the length.
+bool isSound(std::string_view type, std::span<const std::uint8_t> value) {
     ByteReader bytes(value, "value");
+    if (const auto fixed = fixedLengths().find(type); fixed != fixedLengths().end())
+        return value.size() == fixed->second && (type != "box2i" || isSoundBox(bytes)) &&
+               (type != "tiledesc" || isSoundTile(bytes));
     try {
         if (type == "chlist") skipChannels(bytes);
         else if (type == "stringvector") skipStrings(bytes);
@@ -92,7 +112,8 @@ std::string exrHeaderProblem(std::istream& stream) {
         if (!word(type) || !number(length) || length > size - stream.tellg()) return kCut;
         value.resize(length);
         stream.read(reinterpret_cast<char*>(value.data()), length);
-        if (!fits(type, value)) return "an attribute '" + name + "' of " + std::to_string(length) + " bytes that is no " + type;
+        if (!isSound(type, value))
+            return "an attribute '" + name + "' of " + std::to_string(length) + " bytes that is no sound " + type;
         ++attributes;
     }
     return kCut;

@@ -9,7 +9,7 @@
 namespace nerfvdb {
 
 /// What is wrong with the header of the OpenEXR file in `stream` (seekable, binary), in a few words: it ends with the file,
-/// or an attribute's value is not as long as it states. Empty: nothing. Leaves the stream anywhere.
+/// an attribute's value is not as long as it states, or its lines or tiles would be absurdly wide. Empty: nothing. Leaves the stream anywhere.
 std::string exrHeaderProblem(std::istream& stream);
 
 }  // namespace nerfvdb

@@ -306,6 +306,13 @@ TEST_CASE("attributes of an EXR are as long as they state", "[core]") {
     CHECK_FALSE(isSound("v2f", "1234567"));
     CHECK_FALSE(isSound("idmanifest", "12345678"));
     CHECK(isSound("of our own", "12345678"));
+    CHECK(isSound("box2i", "\0\0\0\0\0\0\0\0\xff\xff\0\0\0\0\0\0"s));
+    CHECK_FALSE(isSound("box2i", "\0\0\0\0\0\0\0\0\0\0\1\0\0\0\0\0"s));           // 65537 wide
+    CHECK_FALSE(isSound("box2i", "\1\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0"s));           // empty
+    CHECK_FALSE(isSound("box2i", "\0\0\0\x80\0\0\0\0\xff\xff\xff\x7f\0\0\0\0"s));  // 2^32 wide
+    CHECK(isSound("tiledesc", "\0\x10\0\0\x20\0\0\0\0"s));
+    CHECK_FALSE(isSound("tiledesc", "\1\x10\0\0\x20\0\0\0\0"s));
+    CHECK_FALSE(isSound("tiledesc", "\1\0\0\0\0\0\0\0\0"s));
 }
 
 TEST_CASE("files that are no images are told apart", "[core]") {
