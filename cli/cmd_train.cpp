@@ -144,8 +144,9 @@ Command addTrain(CLI::App& program) {
                    "at most 512 along the box]")
         ->type_name("LENGTH");
     app.add_option("--max-memory", words->max_memory,
-                   "Stop refining where the program would need more: 4GB, 512MiB. Photographs that would take more than "
-                   "half of what the program leaves (130 MiB less) are decoded into a file on disk and read from there")
+                   "Stop refining where the program would need more: 4GB, 512MiB [what the machine has]. Given, photographs "
+                   "that would take more than half of what the program leaves (130 MiB less) are decoded into a file on "
+                   "disk and read from there")
         ->type_name("SIZE");
     app.add_option("--cache", words->cache,
                    "Folder for such a file, which has no name and is gone when the program ends [that of --out]; given, "

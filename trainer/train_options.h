@@ -27,7 +27,7 @@ struct TrainOptions {
     SceneExtent extent = SceneExtent::automatic;
     std::optional<Box> bounds;                  // world units; of an open scene, its inner box
     std::optional<double> voxel_size;           // world units, at the end (of the inner box); absent: by what photographs show
-    std::optional<std::size_t> max_memory_bytes;
+    std::optional<std::size_t> max_memory_bytes;  // absent: refined as far as the machine's memory reaches
     double checkpoint_s = 60;                   // between checkpoints, and longer where they would halt training for more
                                                 // than 2 % of the time
     std::uint64_t seed = 1;

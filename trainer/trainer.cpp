@@ -7,6 +7,7 @@
 
 #include "core/clock.h"
 #include "core/error.h"
+#include "core/machine_memory.h"
 #include "core/metrics.h"
 #include "core/parallel.h"
 #include "core/photo_cache.h"
@@ -31,8 +32,11 @@ constexpr double kUnitsPerBox = 260;        // density is learned per 1/260 of t
 constexpr float kInitialRaw = -4.19f;       // ... and starts at alpha 0.03 over two such units; ...
 // ... but an open scene near empty: a ray crosses many shells, and fog in the near ones would hide what stands behind.
 constexpr float kOpenInitialRaw = -7;
-constexpr float kOpenMinSeen = 0.05f;       // there a cell no sample of which gave a ray this share of its light is not divided;
-                                            // beyond kMaxLevels, where a surface spreads over more samples, as much per length
+constexpr float kOpenMinSeen = 0.05f;       // there a cell no sample of which gave a ray this share of its light is not divided
+// Beyond kMaxLevels a surface that stayed as thick as it was would be twice as many voxels thick at every level, each with
+// half the share of a ray's light: voxels would grow eightfold in number, and kOpenMinSeen would tear holes. So density
+// doubles with every such level, that a surface be as many voxels thick.
+constexpr float kSharper = 0.69314718f;     // ln 2, in raw density
 constexpr float kOpenDensitySmoothing = 0.075f;  // and photographs of places bear, and need, smoother surfaces
 constexpr int kSkyWidth = 512;              // texels around the horizon
 constexpr double kMostLooks = 4e6;          // rays of a look through the photographs, or as many as are enough
@@ -43,7 +47,8 @@ constexpr std::int64_t kProbeSteps = 40;    // of a stage, before its cost is be
 constexpr double kSameExposure = 0.05;      // spread of gains that is not worth learning: fox has 0.03 and loses by it
 constexpr double kSaveSeconds = 0.3, kSaveSecondsPerVoxel = 1.0e-6;  // pruning and writing the model
 
-float openMinSeen(int level) { return kOpenMinSeen / static_cast<float>(1 << std::max(0, level - (kMaxLevels - 1))); }
+/// Of voxels smaller than are chosen by themselves.
+bool isAskedFor(const Stage& stage) { return stage.level >= kMaxLevels; }
 
 /// Training from start to finish; each function is one move of the story.
 class Training {
@@ -67,6 +72,7 @@ private:
     bool photosOnDisk() const { return !dataset_.views.empty() && dataset_.views.front().photo.tiles != nullptr; }
     std::size_t mappedPhotoBytes() const;  // of photographs on disk that may stand in memory at once
     MemoryPlan memoryPlan() const;
+    std::size_t memoryLimit() const { return options_.max_memory_bytes.value_or(machineMemory()); }
     void checkMemory(const std::string& voxels, const std::string& advice) const;
     void chooseBackground();
     void checkFinestVoxel(const Box& box, double coarsest_voxel) const;
@@ -76,6 +82,7 @@ private:
     void enterStage();
     void settleExposure();
     void refine();
+    void sharpen(float by);
     void lookAgain();
     void updateSource();
     void updateOccupancy();
@@ -148,7 +155,7 @@ void Training::start() {
     state_.density_moment = HugeArray<float>(state_.field.density().size());
     state_.feature_moment = HugeArray<float>(state_.field.density().size());
     state_.seen.assign(cells.leafCount(), {});
-    if (has_sky) state_.min_seen = openMinSeen(/*level=*/0);
+    if (has_sky) state_.min_seen = kOpenMinSeen;
     if (has_sky) state_.sky = Sky(kSkyWidth, meanColour(dataset_));
     place_.seed = options_.seed;
     place_.n_views = static_cast<int>(dataset_.views.size());
@@ -381,6 +388,12 @@ void Training::stepOnce() {
     step_seconds_ = step_seconds_ == 0 ? seconds : kMemory * step_seconds_ + (1 - kMemory) * seconds;
 }
 
+/// Adds to raw density. What training saw was of the field before.
+void Training::sharpen(float by) {
+    for (float& raw : state_.field.density()) raw = std::min(raw + by, kMaxRaw);
+    state_.seen.assign(state_.field.topology().leafCount(), {});
+}
+
 /// Looks through all photographs for what they see, unless training has drawn rays enough at this level to meet each cell.
 void Training::lookAgain() {
     constexpr double kEnough = 4;  // rays for each occupied cell: one in fifty is still missed
@@ -389,7 +402,7 @@ void Training::lookAgain() {
     for (std::size_t s = 0; s < place_.stage; ++s)
         if (place_.stages[s].level == level) drawn += static_cast<double>(place_.stages[s].steps) * place_.stages[s].batch;
     for (const LeafMask& mask : state_.occupancy.cells) forEachBit(mask, [&](int) { ++cells; });
-    if (drawn >= kEnough * cells) return;
+    if (drawn >= kEnough * cells && !isAskedFor(stage())) return;
     int stride = strideOfLooks(dataset_, state_.field);
     while (static_cast<double>(raysOfLooks(dataset_, stride)) > std::max(kMostLooks, kEnough * cells)) ++stride;
     markSeenCells(dataset_, state_.field, state_.occupancy, std::max(state_.min_seen, trace_.min_weight), stride, state_.seen);
@@ -399,9 +412,12 @@ void Training::refine() {
     updateOccupancy();
     std::vector<LeafMask> keep = state_.occupancy.cells;
     if (!keepsUnseen()) {
+        if (isAskedFor(stage())) sharpen(kSharper);
         // Levels that were asked for have few rays in scenes of any kind.
-        if (state_.min_seen > 0 || place_.stages.back().level >= kMaxLevels) lookAgain();
-        const std::vector<LeafMask> seen = dilateCells(state_.field.topology(), state_.seen);
+        if (state_.min_seen > 0 || isAskedFor(place_.stages.back())) lookAgain();
+        // There a look through all photographs decides; neighbours of what it met would be most of the voxels.
+        const std::vector<LeafMask> seen = isAskedFor(stage()) ? state_.seen
+                                                               : dilateCells(state_.field.topology(), state_.seen);
         for (std::size_t leaf = 0; leaf < keep.size(); ++leaf)
             for (int word = 0; word < kLeafWords; ++word) keep[leaf][word] &= seen[leaf][word];
     }
@@ -409,11 +425,13 @@ void Training::refine() {
     Topology fine_topology = subdivide(coarse, keep);
 
     const std::size_t fine_bytes = memoryPlan().refining(coarse.leafCount(), fine_topology.leafCount());
-    if (options_.max_memory_bytes && fine_bytes > *options_.max_memory_bytes) {
+    if (fine_bytes > memoryLimit()) {
         notes_.push_back("stayed at voxels of " + std::to_string(state_.field.frame().voxel_size) +
-                         ": finer ones need " + std::to_string(fine_bytes >> 20) + " MiB, --max-memory allows " +
-                         std::to_string(*options_.max_memory_bytes >> 20));
+                         ": finer ones need " + std::to_string(fine_bytes >> 20) + " MiB, " +
+                         (options_.max_memory_bytes ? "--max-memory allows " : "this machine has ") +
+                         std::to_string(memoryLimit() >> 20));
         report_.warn(notes_.back());
+        if (isAskedFor(stage()) && !keepsUnseen()) sharpen(-kSharper);
         return;
     }
 
@@ -425,7 +443,6 @@ void Training::refine() {
         *moment = std::move(fine);
     }
     state_.seen.assign(state_.field.topology().leafCount(), {});
-    if (state_.min_seen > 0) state_.min_seen = openMinSeen(stage().level);
     step_seconds_ = 0;
     updateOccupancy();
 }
@@ -455,9 +472,8 @@ void Training::tell(bool force) {
 
 void Training::saveMeanwhile() {
     if (!checkpoints_.isDue()) return;
-    const bool has_room = !options_.max_memory_bytes ||
-                          memoryPlan().training(state_.field.topology().leafCount()) + checkpointBytes(state_, place_) <=
-                              *options_.max_memory_bytes;
+    const bool has_room =
+        memoryPlan().training(state_.field.topology().leafCount()) + checkpointBytes(state_, place_) <= memoryLimit();
     checkpoints_.saveMeanwhile(state_, place_, has_room);
 }
 

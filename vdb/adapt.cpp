@@ -53,6 +53,7 @@ std::vector<LeafMask> dilateCells(const Topology& topology, std::span<const Leaf
 
 void refineValues(const Topology& coarse, const Topology& fine, int channels, std::span<const float> in,
                   std::span<float> out) {
+    if (channels == 0) return;
     parallelRanges(fine.leafCount(), 16, [&](std::size_t first, std::size_t last) {
         for (std::size_t leaf = first; leaf < last; ++leaf) {
             const Vec3i fine_coord = fine.leafCoords()[leaf];
@@ -89,6 +90,7 @@ void refineValues(const Topology& coarse, const Topology& fine, int channels, st
 
 void copyValues(const Topology& from, const Topology& to, int channels, std::span<const float> in,
                 std::span<float> out) {
+    if (channels == 0) return;
     parallelRanges(to.leafCount(), 16, [&](std::size_t first, std::size_t last) {
         for (std::size_t leaf = first; leaf < last; ++leaf) {
             const int source = from.findLeaf(to.leafCoords()[leaf]);

@@ -177,7 +177,7 @@ TEST_CASE("reading names what is not a file", "[core]") {
 
 TEST_CASE("the hash of pieces is that of the whole") {
     std::string text;
-    for (int i = 0; i < 100000; ++i) text += static_cast<char>(i * i >> 3);
+    for (unsigned i = 0; i < 100000; ++i) text += static_cast<char>(i * i >> 3);
     const auto bytes = std::as_bytes(std::span(text));
     ContentHash hash;
     CHECK(hash.digits() == contentHash({}));

@@ -290,8 +290,9 @@ TEST_CASE("where samples say nothing, density sinks, and both move towards the n
 }
 
 TEST_CASE("network layers, forward and backward: fast = reference for all remainders of rows and samples") {
-    for (const auto& [n_in, n_out] : {std::pair{1, 1}, {3, 5}, {20, 64}, {64, 3}})
+    for (const auto& layer : {std::pair{1, 1}, {3, 5}, {20, 64}, {64, 3}})
         for (const int n : {0, 1, 15, 16, 17, 31, 33, 64, 100, 130}) {
+            const int n_in = layer.first, n_out = layer.second;
             CAPTURE(n_in, n_out, n);
             const int padded = (n + kPadding - 1) / kPadding * kPadding;
             const int stride = padded + kPadding;  // wider than the batch: what lies between must stay

@@ -17,7 +17,7 @@ using namespace nerfvdb::test;
 
 namespace {
 
-constexpr MeshOptions kFilled{.iso = 1.0, .colours = false, .fill_inside = true};
+const MeshOptions kFilled{.iso = 1.0, .colours = false, .fill_inside = true};
 
 /// A model of n^3 voxels whose raw density is a function of the voxel, known within `reach` of the surface.
 template <typename Raw>

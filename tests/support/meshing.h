@@ -13,7 +13,7 @@
 
 namespace nerfvdb::test {
 
-inline constexpr MeshOptions kPlain{.iso = 1.0, .colours = false};  // with density_scale 1: raw iso 0
+inline const MeshOptions kPlain{.iso = 1.0, .colours = false};  // with density_scale 1: raw iso 0
 
 inline Mesh extract(const Model& model, const MeshOptions& options = kPlain) {
     Report silent;
