@@ -94,10 +94,17 @@ GradientOrder timeGradientOrder(const Model& model, const Dataset& dataset, int 
     };
     const std::vector<std::function<void()>> bodies = {
         [&] {
-            for (TileGradients& tile : tiles) tile.bin(field.topology());
+            for (TileGradients& tile : tiles) tile.bin(field.topology(), channels);
             scatter.run(field.topology(), channels, tiles,
                         [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask&) {
                             move(static_cast<std::size_t>(leaf), gradient);
+                        },
+                        0,
+                        [&](std::int32_t leaf, const LeafGradient& gradient) {
+                            const std::size_t first = static_cast<std::size_t>(leaf) * kLeafVoxels;
+                            simd::prefetchLeaf(channels, kStill, field.topology().voxels()[leaf].data(), gradient,
+                                               &state.field.density()[first], &state.density_moment[first],
+                                               &state.field.features()[first * channels], &state.feature_moment[first]);
                         });
         },
         [&] {

@@ -20,7 +20,7 @@ namespace nerfvdb {
 namespace {
 
 constexpr int kTileEdge = 16, kTileRays = kTileEdge * kTileEdge;
-constexpr int kSamplesPerRay = 8;
+constexpr int kSamplesPerRay = 32;
 constexpr int kHidden = kDecoderWidth;  // width of the network's layers
 constexpr float kStep = 0.5f;
 constexpr double kExp = 10;  // operations that an exponential counts as
@@ -114,6 +114,7 @@ public:
     Bricks bricks;
     std::vector<Tile> tiles;
     double n_samples = 0;
+    std::vector<SampleGradient> sample_gradients;
     std::vector<LeafContribution> contributions;
     std::vector<float> ray_gradient, leaf_density, leaf_features, gradient, feature_gradient, moment,
         feature_moment;
@@ -143,7 +144,7 @@ private:
             for (auto* array : {&tile.next, &tile.alive, &tile.begin})
                 array->assign(kTileRays + 1 + kPadding, 0);
             const std::size_t most =
-                static_cast<std::size_t>(kTileRays) * (kSamplesPerRay + kPadding) + kPadding;
+                static_cast<std::size_t>(kTileRays) * kSamplesPerRay + kPadding;
             for (auto* array : {&tile.leaf, &tile.cell, &tile.ray}) array->assign(most, 0);
             for (auto* array : {&tile.x, &tile.y, &tile.z, &tile.t, &tile.raw, &tile.tau, &tile.alpha,
                                 &tile.decay, &tile.dots})
@@ -186,13 +187,12 @@ private:
     void makeLeaf() {
         ray_gradient = noises(8, static_cast<std::size_t>(kContributions) * channels);
         for (int i = 0; i < kContributions; ++i) {
-            const auto coordinate = [&](int axis) {
-                return static_cast<std::int32_t>(randomBits(9, axis, i) % 8);
-            };
             const auto fraction = [&](int axis) { return 0.5f + 0.5f * noise(10 + axis, i); };
-            contributions.push_back({coordinate(0), coordinate(1), coordinate(2), fraction(0), fraction(1),
-                                     fraction(2), fraction(3), noise(14, i), &ray_gradient[i * channels]});
+            sample_gradients.push_back({static_cast<std::int32_t>(randomBits(9, 0, i) % kLeafVoxels), fraction(0),
+                                        fraction(1), fraction(2), fraction(3), noise(14, i), &ray_gradient[i * channels]});
         }
+        for (const SampleGradient& sample : sample_gradients) contributions.push_back({&sample, 0, 0});
+        contributions.resize(kContributions + kPadding);
         active.fill(~std::uint64_t{0});
         leaf_density = noises(15, kLeafVoxels);
         leaf_features = noises(16, static_cast<std::size_t>(kLeafVoxels) * channels);
@@ -235,7 +235,7 @@ std::vector<Kernel> kernelsOf(KernelData& data, const KernelSet& set) {
                            set.dots(tile.n, data.channels, tile.features.data(), tile.ray.data(),
                                     tile.ray_features.data(), tile.dots.data());
                        })});
-    kernels.push_back({"accumulateLeaf", KernelData::kContributions, 48 + 4 * c + 8 * 8 * (1 + c),
+    kernels.push_back({"accumulateLeaf", KernelData::kContributions, 16 + 32 + 4 * c + 8 * 8 * (1 + c),
                        8 * (2 + 2 * c), [&data, set] {
                            set.accumulate(
                                KernelData::kContributions, data.contributions.data(), data.channels,

@@ -207,13 +207,19 @@ private:
 
     void compareLeaf() {
         Floats slopes = randomFloats(kChannels * kMost, -1, 1, 6);
+        std::vector<SampleGradient> samples;
         std::vector<LeafContribution> contributions;
-        for (std::uint64_t i = 0; i < kMost; ++i)
-            contributions.push_back({static_cast<std::int32_t>(randomBits(7, 0, i) % 9) - 1,
-                                     static_cast<std::int32_t>(randomBits(7, 1, i) % 9) - 1,
-                                     static_cast<std::int32_t>(randomBits(7, 2, i) % 9) - 1, random(0, 1, 8, i),
-                                     random(0, 1, 9, i), random(0, 1, 10, i), random(0, 1, 11, i),
-                                     random(-1, 1, 12, i), &slopes[i * kChannels]});
+        for (std::uint64_t i = 0; i < kMost; ++i) {
+            const std::uint64_t bits = randomBits(7, 0, i);
+            const auto cell = static_cast<std::int32_t>(bits % kLeafVoxels);
+            samples.push_back({cell, random(0, 1, 8, i), random(0, 1, 9, i), random(0, 1, 10, i), random(0, 1, 11, i),
+                               random(-1, 1, 12, i), &slopes[i * kChannels]});
+            // By its own corners, or by those beyond faces that it lies at.
+            const unsigned crossed = (cell >> 6 == 7) * 4 + ((cell >> 3 & 7) == 7) * 2 + ((cell & 7) == 7);
+            contributions.push_back({nullptr, 0, static_cast<std::uint32_t>(bits >> 32) & crossed});
+        }
+        for (std::size_t i = 0; i < samples.size(); ++i) contributions[i].sample = &samples[i];
+        contributions.resize(kMost + kPadding);
         std::array<Leaf, 2> leaves;
         const std::array<std::uint64_t, 8> active = {~0ull, ~0ull, 0x00ff00ff00ff00ffull, ~0ull,
                                                      0,     ~0ull, 0x5555555555555555ull, ~0ull};

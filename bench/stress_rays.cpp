@@ -386,7 +386,7 @@ private:
                 feature[voxel].magnitude += weight * light.weight[i] * std::abs(slope);
                 feature[voxel].floor += kFlushed * std::abs(slope) + kDenormal;
             }
-        tile.bin(field.topology());
+        tile.bin(field.topology(), kChannels);
         LeafScatter scatter;
         std::vector<float> found_density(size), found_feature(size);
         scatter.run(field.topology(), kChannels, {&tile, 1},

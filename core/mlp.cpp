@@ -45,7 +45,8 @@ std::vector<float> initialMlpParameters(const MlpShape& shape, std::uint64_t see
 }
 
 void MlpActivations::resize(const MlpShape& shape, int max_batch) {
-    stride = (max_batch + kPadding - 1) / kPadding * kPadding;
+    // Rows an odd number of cache lines apart: at a power of two, the same few sets of the cache would serve all rows.
+    stride = ((max_batch + kPadding - 1) / kPadding | 1) * kPadding;
     offsets.clear();
     std::size_t size = 0;
     for (const int width : shape.widths) {

@@ -132,7 +132,7 @@ std::vector<LeafMask> collectColors(const Model& model, std::span<const Camera> 
                 std::copy_n(&paired.rgb[3 * r], 3, out);
                 out[3] = 1;
             }
-            tile.bin(volume.topology());
+            tile.bin(volume.topology(), kChannels);
         });
         scatter.run(volume.topology(), kChannels, std::span(tiles.data(), n_tiles),
                     [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask&) {

@@ -129,7 +129,7 @@ double VolumeFit::differentiateTile(int step, std::size_t tile) {
     }
     paired.volume.traceBackward(rays_.volumeScene(), gradients.dl_dray_features.data(), dl_dtransmittance.data(), 0,
                                 gradients.kept);
-    gradients.bin(volume_.topology());
+    gradients.bin(volume_.topology(), kChannels);
     return loss;
 }
 

@@ -6,6 +6,7 @@
 
 #include "core/parallel.h"
 #include "core/photo_cache.h"
+#include "core/prefetch.h"
 #include "core/random.h"
 
 namespace nerfvdb {
@@ -85,43 +86,48 @@ void RaySource::boundMapped() const {
     for (const View& view : dataset_->views) releasePages(view.photo);
 }
 
-RaySource::Pick RaySource::pick(std::uint64_t step, std::uint64_t index) const {
+const RaySource::Tile& RaySource::tileOf(std::uint64_t bits) const { return tiles_[(bits >> 32) * tiles_.size() >> 32]; }
+
+void RaySource::pick(std::uint64_t bits, TrainingRay& drawn) const {
     // Until a pixel is met that counts, so that all of them are drawn alike: each tile has one, it is soon met.
-    for (std::uint64_t bits = randomBits(seed_, step, index);; bits = mixBits(bits + kAgain)) {
-        const Pick picked = pickAny(bits);
-        if (dataset_->views[static_cast<std::size_t>(picked.view)].mask.counts(picked.x, picked.y)) return picked;
+    for (;; bits = mixBits(bits + kAgain)) {
+        const Tile& tile = tileOf(bits);
+        const View& view = dataset_->views[tile.view];
+        const int x0 = tile.x * kTilePixels, y0 = tile.y * kTilePixels;
+        const int width = std::min(kTilePixels, view.camera.width - x0);
+        const int height = std::min(kTilePixels, view.camera.height - y0);
+        const std::uint64_t more = mixBits(bits);
+        drawn.view = tile.view;
+        drawn.x = x0 + static_cast<int>((more & 0xffff) * static_cast<unsigned>(width) >> 16);
+        drawn.y = y0 + static_cast<int>((more >> 16 & 0xffff) * static_cast<unsigned>(height) >> 16);
+        drawn.bits = more;
+        if (view.mask.counts(drawn.x, drawn.y)) return;
     }
 }
 
-RaySource::Pick RaySource::pickAny(std::uint64_t bits) const {
-    const Tile& tile = tiles_[(bits >> 32) * tiles_.size() >> 32];
-    const Camera& camera = dataset_->views[tile.view].camera;
-    const int x0 = tile.x * kTilePixels, y0 = tile.y * kTilePixels;
-    const int width = std::min(kTilePixels, camera.width - x0);
-    const int height = std::min(kTilePixels, camera.height - y0);
-    const std::uint64_t more = mixBits(bits);
-    return {tile.view, x0 + static_cast<int>((more & 0xffff) * static_cast<unsigned>(width) >> 16),
-            y0 + static_cast<int>((more >> 16 & 0xffff) * static_cast<unsigned>(height) >> 16), more};
-}
-
-void RaySource::prefetch(std::uint64_t step, std::uint64_t index) const {
-    const Pick picked = pick(step, index);
-    const View& view = dataset_->views[picked.view];
-    __builtin_prefetch(&view.photo.at(picked.x, picked.y));
+void RaySource::draw(std::uint64_t step, std::uint64_t first, std::span<TrainingRay> rays) const {
+    // Both the tile and the pixel are somewhere in main memory: all of either are sent for before one is waited for.
+    for (std::size_t i = 0; i < rays.size(); ++i) {
+        rays[i].bits = randomBits(seed_, step, first + i);
+        prefetch(&tileOf(rays[i].bits));
+    }
+    for (TrainingRay& drawn : rays) {
+        pick(drawn.bits, drawn);
+        prefetch(&dataset_->views[drawn.view].photo.at(drawn.x, drawn.y));
+    }
+    for (TrainingRay& drawn : rays) {
+        const View& view = dataset_->views[drawn.view];
+        drawn.ray = cameraRay(view.camera, drawn.x + 0.5, drawn.y + 0.5);
+        drawn.jitter = unitFloat(static_cast<std::uint32_t>(drawn.bits >> 32));
+        const Photo::Pixel& pixel = view.photo.at(drawn.x, drawn.y);
+        for (int c = 0; c < 4; ++c) drawn.rgba[c] = static_cast<float>(pixel[c]) * (1.0f / 255.0f);
+        drawn.bits = mixBits(drawn.bits);
+    }
 }
 
 TrainingRay RaySource::draw(std::uint64_t step, std::uint64_t index) const {
-    const Pick picked = pick(step, index);
-    const View& view = dataset_->views[picked.view];
     TrainingRay drawn;
-    drawn.ray = cameraRay(view.camera, picked.x + 0.5, picked.y + 0.5);
-    drawn.jitter = unitFloat(static_cast<std::uint32_t>(picked.bits >> 32));
-    const Photo::Pixel& pixel = view.photo.at(picked.x, picked.y);
-    for (int c = 0; c < 4; ++c) drawn.rgba[c] = static_cast<float>(pixel[c]) * (1.0f / 255.0f);
-    drawn.bits = mixBits(picked.bits);
-    drawn.view = picked.view;
-    drawn.x = picked.x;
-    drawn.y = picked.y;
+    draw(step, index, {&drawn, 1});
     return drawn;
 }
 

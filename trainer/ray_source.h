@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "trainer/dataset.h"
@@ -35,9 +36,9 @@ public:
     /// Takes all pixel tiles.
     void useAll();
 
+    /// The rays of a step from index `first` on.
+    void draw(std::uint64_t step, std::uint64_t first, std::span<TrainingRay> rays) const;
     TrainingRay draw(std::uint64_t step, std::uint64_t index) const;
-    /// Sends for the pixel that draw will read; photographs lie in main memory, and any of them may be next.
-    void prefetch(std::uint64_t step, std::uint64_t index) const;
 
     /// Photographs on disk count as this process's memory where they were read, until they are let go: they are, by
     /// boundMapped, when the process has mapped more than so many bytes of files.
@@ -51,12 +52,9 @@ private:
     struct Tile {
         std::uint16_t view, x, y;  // in tiles
     };
-    struct Pick {
-        int view, x, y;
-        std::uint64_t bits;  // random bits that are left
-    };
-    Pick pick(std::uint64_t step, std::uint64_t index) const;
-    Pick pickAny(std::uint64_t bits) const;
+    const Tile& tileOf(std::uint64_t bits) const;
+    /// Fills view, x, y, and bits with random ones that are left.
+    void pick(std::uint64_t bits, TrainingRay& drawn) const;
 
     const Dataset* dataset_;
     std::uint64_t seed_;

@@ -10,6 +10,9 @@
 namespace nerfvdb {
 namespace {
 
+// Voxels are pulled towards their neighbours at every so many steps, as many times as far: what neighbours hold is a
+// third of all that an update reads.
+constexpr int kSmoothEvery = 4;
 constexpr float kLeastSky = 1e-3f;  // rays to which less light comes from the sky say nothing about it
 constexpr float kLargestGradient = 1e15f;  // of a ray: squares of sums over a batch stay finite in moments
 
@@ -30,15 +33,20 @@ StepReport TrainStepper::step(TrainState& state, const RaySource& source, std::u
     }
 
     const int channels = state.field.channels();
-    const RmsPropRates voxel_rates{rates.density, rates.features,          rates.decay,
-                                   rates.epsilon, rates.sparsity,          rates.density_smoothing,
-                                   rates.feature_smoothing};
+    const float smoothing = step % kSmoothEvery == 0 ? kSmoothEvery : 0;
+    const RmsPropRates voxel_rates{rates.density, rates.features, rates.decay, rates.epsilon, rates.sparsity,
+                                   smoothing * rates.density_smoothing, smoothing * rates.feature_smoothing};
     voxelGradients(state, [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask& seen) {
         const std::size_t first = static_cast<std::size_t>(leaf) * kLeafVoxels;
         simd::rmsPropLeaf(channels, voxel_rates, state.field.topology().voxels()[leaf].data(), gradient,
                           &state.field.density()[first], &state.density_moment[first],
                           &state.field.features()[first * channels], &state.feature_moment[first]);
         for (int word = 0; word < kLeafWords; ++word) state.seen[leaf][word] |= seen[word];
+    }, [&](std::int32_t leaf, const LeafGradient& gradient) {
+        const std::size_t first = static_cast<std::size_t>(leaf) * kLeafVoxels;
+        simd::prefetchLeaf(channels, voxel_rates, state.field.topology().voxels()[leaf].data(), gradient, &state.field.density()[first],
+                           &state.density_moment[first], &state.field.features()[first * channels],
+                           &state.feature_moment[first]);
     });
     state.network.step(state.decoder.parameters(), dl_dnetwork, rates.network);
     if (!state.sky.isEmpty()) {
@@ -80,9 +88,10 @@ StepReport TrainStepper::differentiate(const TrainState& state, const RaySource&
     return report;
 }
 
-void TrainStepper::voxelGradients(const TrainState& state, const LeafScatter::UseLeaf& use) {
+void TrainStepper::voxelGradients(const TrainState& state, const LeafScatter::UseLeaf& use,
+                                  const LeafScatter::ExpectLeaf& expect) {
     scatter_.run(state.field.topology(), state.field.channels(), std::span(gradients_.data(), n_tiles_), use,
-                 state.min_seen);
+                 state.min_seen, expect);
 }
 
 std::span<const float> TrainStepper::networkGradient() {
@@ -117,11 +126,9 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
     tracer.clear();
     tracer.resetCounters();
     source.boundMapped();
-    for (int r = 0; r < n_rays; ++r) source.prefetch(step, static_cast<std::uint64_t>(first_ray + r));
-    for (int r = 0; r < n_rays; ++r) {
-        worker.rays[r] = source.draw(step, static_cast<std::uint64_t>(first_ray + r));
-        tracer.addRay(scene, worker.rays[r].ray, trace.step_voxels, worker.rays[r].jitter);
-    }
+    const std::span<TrainingRay> rays(worker.rays.data(), static_cast<std::size_t>(n_rays));
+    source.draw(step, static_cast<std::uint64_t>(first_ray), rays);
+    for (const TrainingRay& drawn : rays) tracer.addRay(scene, drawn.ray, trace.step_voxels, drawn.jitter);
     tracer.trace(scene, trace, gradients.kept);
     const std::vector<std::int32_t>& lit = tracer.litRays();
     const int n_lit = static_cast<int>(lit.size());
@@ -191,7 +198,7 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
             tile.report.bad_view = drawn.view, tile.report.bad_x = drawn.x, tile.report.bad_y = drawn.y;
         }
     tile.report.distortion = tracer.distortion();
-    gradients.bin(state.field.topology());
+    gradients.bin(state.field.topology(), state.field.channels());
     tile.report.trace = tracer.counters();
 }
 

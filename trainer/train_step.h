@@ -73,7 +73,8 @@ public:
     StepReport differentiate(const TrainState& state, const RaySource& source, std::uint64_t step, int batch,
                              const TraceOptions& trace);
     /// ... which stands here: of the voxels, leaf by leaf as LeafScatter::run hands it out, once; of the network ...
-    void voxelGradients(const TrainState& state, const LeafScatter::UseLeaf& use);
+    void voxelGradients(const TrainState& state, const LeafScatter::UseLeaf& use,
+                        const LeafScatter::ExpectLeaf& expect = {});
     std::span<const float> networkGradient();
     /// ... of the sky, [height][width][3] as Sky::values; empty without one ...
     std::span<const float> skyGradient(const Sky& sky);

@@ -18,20 +18,14 @@ namespace nerfvdb {
 
 inline constexpr int kScatterParts = 64;  // ranges of leaves, the tasks of a scatter
 
-/// What one tile of rays leaves behind.
+/// What one tile of rays leaves behind. Moved, not copied: samples point into it.
 struct TileGradients {
     KeptSamples kept;
     std::vector<float> dl_dray_features;  // [ray][channels]
 
-    /// What a leaf needs to know of a sample, side by side: it is met in the leaf's order, not in the ray's.
-    struct Sample {
-        std::int32_t cell, ray;
-        float x, y, z;
-        float weight, dl_draw;
-    };
-    std::vector<Sample> samples;  // [kept]
+    std::vector<SampleGradient> samples;  // [kept], by what leaves need: they are met in a leaf's order, not in a ray's
 
-    /// One sample in one leaf. `corner` (bits x, y, z) says by which faces the sample's cell reaches into it.
+    /// One sample in one leaf, see LeafContribution.
     struct Touch {
         std::int32_t leaf;
         std::uint32_t sample : 29, corner : 3;
@@ -39,8 +33,12 @@ struct TileGradients {
     std::vector<Touch> touches;                              // sorted by part, in sample order inside
     std::array<std::uint32_t, kScatterParts + 1> part_begin{};
 
-    /// Fills samples and touches from kept.
-    void bin(const Topology& topology);
+    /// Fills samples and touches from kept. dl_dray_features must stay where it is until they have been summed.
+    void bin(const Topology& topology, int channels);
+
+    TileGradients() = default;
+    TileGradients(TileGradients&&) = default;
+    TileGradients& operator=(TileGradients&&) = default;
 
 private:
     std::vector<Touch> unsorted_;
@@ -53,21 +51,23 @@ public:
     /// left cleared, as rmsPropLeaf does; `seen` has the bits of the leaf's own cells that hold a kept sample
     /// of at least `min_seen` weight.
     using UseLeaf = std::function<void(std::int32_t leaf, const LeafGradient& gradient, const LeafMask& seen)>;
+    /// Called before, and while another leaf is still to be summed: time for what UseLeaf will read to arrive.
+    using ExpectLeaf = std::function<void(std::int32_t leaf, const LeafGradient& gradient)>;
     void run(const Topology& topology, int channels, std::span<const TileGradients> tiles, const UseLeaf& use,
-             float min_seen = 0);
+             float min_seen = 0, const ExpectLeaf& expect = {});
 
 private:
-    struct Entry {
-        std::int32_t leaf;
-        std::uint32_t tile;
-        TileGradients::Touch touch;
+    /// A leaf that has been summed.
+    struct Summed {
+        std::int32_t leaf = -1;
+        HugeArray<float> density, features;
+        LeafMask touched{}, seen{};
+        LeafGradient gradient() { return {density.data(), features.data(), touched.data()}; }
     };
     struct Scratch {
-        std::vector<Entry> entries;
-        std::vector<std::uint32_t> begin;
         std::vector<LeafContribution> contributions;
-        HugeArray<float> density, features;
-        LeafMask touched{};
+        std::vector<std::uint32_t> begin;
+        std::array<Summed, 2> summed;
     };
     PerThread<Scratch> scratch_;
 };

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Included by kernels.h, once per namespace.
 
-/// Walks the rays named in `alive` to their next occupied cells. Each ray gets at least `max_per_ray` samples
-/// unless it ends before (then next = -1), and at most kPadding - 1 more. Samples of alive[a] are
-/// [begin[a], begin[a + 1]) in order along the ray. Empty leaves are jumped by the distance in skip_table, empty
-/// cells are tested by bit. Returns the number of samples; `out` must hold n_alive * (max_per_ray + kPadding).
+/// Walks each of the rays named in `alive` to its next leaf with occupied cells, and through that leaf for at most
+/// `max_per_ray` steps. Samples of alive[a], those in occupied cells, are [begin[a], begin[a + 1]) in order along the ray;
+/// there may be none. Where the ray is to go on stands in next, -1 if it has ended. Empty leaves are jumped by the
+/// distances in skip_nodes and skip_leaves, empty cells are tested by bit. Returns the number of samples; `out` must hold
+/// n_alive * max_per_ray.
 int marchRays(const Bricks& bricks, const RayTile& rays, float step, int max_per_ray,
               const std::int32_t* alive, int n_alive, std::int32_t* begin, const SampleArrays& out);
 
@@ -27,7 +28,8 @@ void featuresForward(const Bricks& bricks, int n, const SampleArrays& samples, c
 void rowDots(int n, int channels, const float* features, const std::int32_t* ray, const float* ray_features,
              float* out);
 
-/// Adjoint of the trilinear reads, for one leaf: adds every contribution to the corners that lie in the leaf.
+/// Adjoint of the trilinear reads, for one leaf: adds every contribution to the corners that lie in the leaf (which
+/// leaf that is, is the caller's business).
 ///   density gradient += corner_weight * dl_draw,  feature gradient += corner_weight * weight * dl_dfeatures
 void accumulateLeaf(int n, const LeafContribution* contributions, int channels, const LeafGradient& gradient);
 
@@ -43,6 +45,11 @@ void accumulateLeaf(int n, const LeafContribution* contributions, int channels, 
 /// Shapes: density, density_moment, feature_moment [512], features [512][channels].
 void rmsPropLeaf(int channels, const RmsPropRates& rates, const std::uint64_t* active, const LeafGradient& gradient,
                  float* density, float* density_moment, float* features, float* feature_moment);
+
+/// Asks for the memory that rmsPropLeaf is going to read, without waiting for it. Changes nothing.
+void prefetchLeaf(int channels, const RmsPropRates& rates, const std::uint64_t* active, const LeafGradient& gradient,
+                  const float* density, const float* density_moment, const float* features,
+                  const float* feature_moment);
 
 /// out[o][b] = bias[o] + sum_i weights[o][i] in[i][b], through ReLU if asked. Rows are `stride` floats apart;
 /// b runs to n rounded up to kPadding.

@@ -16,6 +16,7 @@
 namespace nerfvdb {
 
 inline constexpr int kPadding = 16;  // elements; one 512-bit vector of floats
+inline constexpr int kLeafMaskWords = 16;  // of 32 bits, for the cells of a leaf
 
 /// Sparse bricks of 8^3 values as plain arrays; see vdb/topology.h for the words.
 struct Bricks {
@@ -61,14 +62,20 @@ struct SampleArrays {
     float* t = nullptr;              // distance from the ray's origin, voxels
 };
 
-/// What one kept sample leaves in one leaf; coordinates of its cell relative to the leaf, -1..7 per axis
-/// (-1: the cell belongs to a lower neighbour and only its upper corners lie here).
-struct LeafContribution {
-    std::int32_t x, y, z;
-    float fx, fy, fz;                // position inside the cell
+/// What the leaves that a kept sample's cell reaches into need to know of it: half a cache line.
+struct alignas(32) SampleGradient {
+    std::int32_t cell;               // offset in its leaf, as SampleArrays::cell
+    float x, y, z;                   // position inside the cell
     float weight;                    // of the sample along its ray
     float dl_draw;                   // gradient of the interpolated raw density
     const float* dl_dfeatures;       // [channels] of the sample's ray
+};
+
+/// One sample in one leaf. `corner` (bits x, y, z) says by which faces the sample's cell reaches into it.
+struct LeafContribution {
+    const SampleGradient* sample;
+    std::int32_t leaf;
+    std::uint32_t corner;
 };
 
 /// Gradients of one leaf, gathered before its voxels are updated.

@@ -29,8 +29,8 @@ int marchRays(const Bricks& bricks, const RayTile& rays, float step, int max_per
     for (int a = 0; a < n_alive; ++a) {
         begin[a] = n;
         const int r = alive[a];
-        std::int32_t k = rays.next[r];
-        for (; k >= 0 && n - begin[a] < max_per_ray; ++k) {
+        std::int32_t k = rays.next[r], visited = -1, k_end = 0;
+        for (; k >= 0; ++k) {
             const float t = std::fma(static_cast<float>(k), step, rays.offset[r]);
             if (!(t < rays.length[r])) {
                 k = -1;
@@ -49,9 +49,12 @@ int marchRays(const Bricks& bricks, const RayTile& rays, float step, int max_per
             const std::int32_t node =
                 bricks.skip_nodes[(static_cast<std::size_t>(leaf_coord[0] / 8) * bricks.node_dims[1] +
                                    leaf_coord[1] / 8) * bricks.node_dims[2] + leaf_coord[2] / 8];
-            if (node < 0) continue;
-            const std::int32_t leaf = bricks.skip_leaves[node * std::size_t{512} + (leaf_coord[0] % 8) * 64 +
-                                                         (leaf_coord[1] % 8) * 8 + leaf_coord[2] % 8];
+            const std::int32_t leaf =
+                node < 0 ? node
+                         : bricks.skip_leaves[node * std::size_t{512} + (leaf_coord[0] % 8) * 64 +
+                                              (leaf_coord[1] % 8) * 8 + leaf_coord[2] % 8];
+            if (visited < 0 && leaf >= 0) visited = leaf, k_end = k + max_per_ray;
+            if (visited >= 0 && (leaf != visited || k == k_end)) break;
             if (leaf < 0) continue;
             const int bit = cell[1] * 8 + cell[2];
             if (!(bricks.occupied[leaf * std::size_t{8} + cell[0]] >> bit & 1)) continue;
@@ -118,12 +121,16 @@ void rowDots(int n, int channels, const float* features, const std::int32_t* ray
 
 void accumulateLeaf(int n, const LeafContribution* contributions, int channels, const LeafGradient& gradient) {
     for (int i = 0; i < n; ++i) {
-        const LeafContribution& sample = contributions[i];
+        const SampleGradient& sample = *contributions[i].sample;
+        // The cell relative to this leaf: -1 if it lies in a lower neighbour, and only its upper corners here.
+        const std::uint32_t from = contributions[i].corner;
+        const int cell_x = (sample.cell >> 6) - (from & 4 ? 8 : 0), cell_y = (sample.cell >> 3 & 7) - (from & 2 ? 8 : 0),
+                  cell_z = (sample.cell & 7) - (from & 1 ? 8 : 0);
         for (int corner = 0; corner < 8; ++corner) {
-            const int x = sample.x + (corner >> 2 & 1), y = sample.y + (corner >> 1 & 1), z = sample.z + (corner & 1);
+            const int x = cell_x + (corner >> 2 & 1), y = cell_y + (corner >> 1 & 1), z = cell_z + (corner & 1);
             if (x < 0 || x > 7 || y < 0 || y > 7 || z < 0 || z > 7) continue;
             const int voxel = x * 64 + y * 8 + z;
-            const float corner_weight = cornerWeight(sample.fx, sample.fy, sample.fz, corner);
+            const float corner_weight = cornerWeight(sample.x, sample.y, sample.z, corner);
             gradient.density[voxel] += corner_weight * sample.dl_draw;
             for (int c = 0; c < channels; ++c)
                 gradient.features[voxel * channels + c] += corner_weight * sample.weight * sample.dl_dfeatures[c];
@@ -131,6 +138,9 @@ void accumulateLeaf(int n, const LeafContribution* contributions, int channels, 
         }
     }
 }
+
+void prefetchLeaf(int, const RmsPropRates&, const std::uint64_t*, const LeafGradient&, const float*, const float*,
+                  const float*, const float*) {}
 
 void rmsPropLeaf(int channels, const RmsPropRates& rates, const std::uint64_t* active, const LeafGradient& gradient,
                  float* density, float* density_moment, float* features, float* feature_moment) {

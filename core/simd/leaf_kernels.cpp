@@ -7,6 +7,7 @@
 // (foreach_target must come before highway.h)
 #include <hwy/highway.h>
 
+#include "core/prefetch.h"
 #include "core/simd/kernels.h"
 
 HWY_BEFORE_NAMESPACE();
@@ -15,28 +16,56 @@ namespace {
 
 namespace hn = hwy::HWY_NAMESPACE;
 
+/// The two corners of a cell along one axis, in one leaf. A corner in another leaf falls upon the one that lies in this
+/// leaf, with nothing to add: a branch for it would be mispredicted at every third sample.
+struct CornerPair {
+    std::int32_t place[2];
+    float share[2];
+
+    explicit CornerPair(std::int32_t cell)
+        : place{cell < 0 ? 0 : cell, cell < 7 ? cell + 1 : 7}, share{cell < 0 ? 0.0f : 1.0f, cell < 7 ? 1.0f : 0.0f} {}
+};
+
 template <int kChannels>
 void accumulateLeafOf(int n, const LeafContribution* contributions, const LeafGradient& gradient) {
+    constexpr int kAhead = 8;  // samples on their way from the cache below
     constexpr hn::CappedTag<float, kChannels> row;
     constexpr int kRowLanes = static_cast<int>(hn::MaxLanes(row));
-    for (int i = 0; i < n; ++i) {
-        const LeafContribution& sample = contributions[i];
-        const float weight_x[2] = {1 - sample.fx, sample.fx};
-        const float weight_y[2] = {1 - sample.fy, sample.fy};
-        const float weight_z[2] = {1 - sample.fz, sample.fz};
+    for (int i = 0; i < n;) {
+        const std::int32_t from = static_cast<std::int32_t>(contributions[i].corner);
+        const std::int32_t cell = contributions[i].sample->cell;
+        const float* const slope = contributions[i].sample->dl_dfeatures;
+        // Samples of one ray in one cell, neighbours as the ray goes, are summed by its corners first.
+        float density_sum[8] = {}, weight_sum[8] = {};
+        do {
+            prefetch(contributions[i + kAhead].sample);  // those behind n are another leaf's, which comes next
+            const SampleGradient& sample = *contributions[i].sample;
+            const float weight_x[2] = {1 - sample.x, sample.x}, weight_y[2] = {1 - sample.y, sample.y},
+                        weight_z[2] = {1 - sample.z, sample.z};
+            for (int corner = 0; corner < 8; ++corner) {
+                const float weight = weight_x[corner >> 2] * weight_y[corner >> 1 & 1] * weight_z[corner & 1];
+                density_sum[corner] += weight * sample.dl_draw;
+                weight_sum[corner] += weight * sample.weight;
+            }
+            ++i;
+        } while (i < n && contributions[i].sample->cell == cell && contributions[i].sample->dl_dfeatures == slope &&
+                 static_cast<std::int32_t>(contributions[i].corner) == from);
+
+        const CornerPair x((cell >> 6) - 2 * (from & 4)), y((cell >> 3 & 7) - 4 * (from & 2)),
+            z((cell & 7) - 8 * (from & 1));
+        const std::uint64_t z_bits = std::uint64_t{1} << z.place[0] | std::uint64_t{1} << z.place[1];
+        const std::uint64_t bits = z_bits << (8 * y.place[0]) | z_bits << (8 * y.place[1]);
+        gradient.touched[x.place[0]] |= bits;
+        gradient.touched[x.place[1]] |= bits;
         for (int corner = 0; corner < 8; ++corner) {
-            const std::int32_t x = sample.x + (corner >> 2), y = sample.y + (corner >> 1 & 1),
-                               z = sample.z + (corner & 1);
-            if ((x | y | z) & ~7) continue;  // negative or above 7: another leaf's voxel
-            const int voxel = x * 64 + y * 8 + z;
-            const float corner_weight = weight_x[corner >> 2] * weight_y[corner >> 1 & 1] * weight_z[corner & 1];
-            gradient.density[voxel] += corner_weight * sample.dl_draw;
-            gradient.touched[x] |= std::uint64_t{1} << (y * 8 + z);
-            const auto scale = hn::Set(row, corner_weight * sample.weight);
+            const int cx = corner >> 2, cy = corner >> 1 & 1, cz = corner & 1;
+            const int voxel = x.place[cx] * 64 + y.place[cy] * 8 + z.place[cz];
+            const float share = x.share[cx] * y.share[cy] * z.share[cz];
+            gradient.density[voxel] += share * density_sum[corner];
+            const auto scale = hn::Set(row, share * weight_sum[corner]);
             float* const out = gradient.features + voxel * kChannels;
             for (int c = 0; c < kChannels; c += kRowLanes)
-                hn::StoreU(hn::MulAdd(scale, hn::LoadU(row, sample.dl_dfeatures + c), hn::LoadU(row, out + c)), row,
-                           out + c);
+                hn::StoreU(hn::MulAdd(scale, hn::LoadU(row, slope + c), hn::LoadU(row, out + c)), row, out + c);
         }
     }
 }
@@ -88,27 +117,6 @@ struct Around {
     }
 };
 
-/// Asks for all that an update will read, at once: one after the other each voxel would wait for memory.
-template <int kChannels>
-HWY_INLINE void prefetchLeaf(const std::uint64_t* active, const std::uint64_t* touched, const float* density,
-                             const float* density_moment, const float* features, const float* feature_moment) {
-    for (int word = 0; word < 8; ++word) {
-        // A voxel is read if it is touched or the neighbour of one that is; being neighbours is mutual.
-        const FaceNeighbours near(touched, word);
-        std::uint64_t read = touched[word];
-        for (std::uint64_t bits = read; bits; bits &= bits - 1) {
-            const int voxel = word * 64 + __builtin_ctzll(bits);
-            for (const float* const values : {density_moment, feature_moment}) __builtin_prefetch(values + voxel);
-        }
-        for (const std::uint64_t bits : near.exists) read |= bits & active[word];
-        for (; read; read &= read - 1) {
-            const int voxel = word * 64 + __builtin_ctzll(read);
-            __builtin_prefetch(density + voxel);
-            __builtin_prefetch(features + voxel * kChannels);
-        }
-    }
-}
-
 /// How far a voxel's density stands above the mean of its neighbours', at most 1 either way.
 HWY_INLINE float roughness(const Around& around, float value, const float* density) {
     float sum = 0;
@@ -134,14 +142,52 @@ HWY_INLINE void smoothRow(const Around& around, int voxel, float pull, float* fe
     }
 }
 
+constexpr int kLineFloats = 16;  // of a cache line
+
+/// Asks for the cache lines of [64][stride] values of which those in `bits` will be read.
+template <int kStride>
+HWY_INLINE void prefetchWord(std::uint64_t bits, const float* values) {
+    constexpr int kGroup = kStride < kLineFloats ? kLineFloats / kStride : 1;  // values in a line
+    constexpr std::uint64_t kFirst = kGroup == 16 ? 0x0001000100010001ull
+                                     : kGroup == 4 ? 0x1111111111111111ull
+                                     : kGroup == 2 ? 0x5555555555555555ull : ~0ull;
+    for (int half = 1; half < kGroup; half *= 2) bits |= bits >> half;
+    for (bits &= kFirst; bits; bits &= bits - 1) prefetch(values + __builtin_ctzll(bits) * kStride);
+}
+
 template <int kChannels>
+void prefetchLeafOf(bool smooths, const std::uint64_t* active, const std::uint64_t* touched, const float* density,
+                    const float* density_moment, const float* features, const float* feature_moment) {
+    for (int word = 0; word < 8; ++word) {
+        std::uint64_t read = touched[word];
+        if (smooths) {
+            // A voxel is read if it is touched or the neighbour of one that is; being neighbours is mutual.
+            const FaceNeighbours near(touched, word);
+            for (const std::uint64_t bits : near.exists) read |= bits & active[word];
+        }
+        prefetchWord<1>(touched[word], density_moment + word * 64);
+        prefetchWord<1>(touched[word], feature_moment + word * 64);
+        prefetchWord<1>(read, density + word * 64);
+        prefetchWord<kChannels>(read, features + word * 64 * kChannels);
+    }
+}
+
+bool smooths(const RmsPropRates& rates) { return rates.density_smoothing > 0 || rates.feature_smoothing > 0; }
+
+void prefetchLeaf(int channels, const RmsPropRates& rates, const std::uint64_t* active, const LeafGradient& gradient,
+                  const float* density, const float* density_moment, const float* features,
+                  const float* feature_moment) {
+    const auto of = channels == 4 ? prefetchLeafOf<4> : channels == 8 ? prefetchLeafOf<8> : prefetchLeafOf<16>;
+    of(smooths(rates), active, gradient.touched, density, density_moment, features, feature_moment);
+}
+
+template <int kChannels, bool kSmooths>
 void rmsPropLeafOf(const RmsPropRates& rates, const std::uint64_t* active, const LeafGradient& gradient,
                    float* density, float* density_moment, float* features, float* feature_moment) {
     constexpr hn::CappedTag<float, kChannels> row;
     constexpr int kRowLanes = static_cast<int>(hn::MaxLanes(row));
     constexpr int kRowVectors = kChannels / kRowLanes;
     const float keep = rates.decay, add = 1 - rates.decay;
-    prefetchLeaf<kChannels>(active, gradient.touched, density, density_moment, features, feature_moment);
     for (int word = 0; word < 8; ++word) {
         if (gradient.touched[word] == 0) continue;
         const FaceNeighbours neighbours(active, word);
@@ -150,10 +196,7 @@ void rmsPropLeafOf(const RmsPropRates& rates, const std::uint64_t* active, const
             const float g = gradient.density[voxel];
             gradient.density[voxel] = 0;
             density_moment[voxel] = keep * density_moment[voxel] + add * g * g;
-            const Around around(neighbours, voxel);
-            density[voxel] -= rates.density_rate *
-                              (g / (__builtin_sqrtf(density_moment[voxel]) + rates.epsilon) + rates.sparsity +
-                               rates.density_smoothing * roughness(around, density[voxel], density));
+            float pull = g / (__builtin_sqrtf(density_moment[voxel]) + rates.epsilon) + rates.sparsity;
 
             float* const gradients = gradient.features + voxel * kChannels;
             float* const values = features + voxel * kChannels;
@@ -166,8 +209,13 @@ void rmsPropLeafOf(const RmsPropRates& rates, const std::uint64_t* active, const
             feature_moment[voxel] = keep * feature_moment[voxel] + add * mean_square;
             const auto scale =
                 hn::Set(row, rates.feature_rate / (__builtin_sqrtf(feature_moment[voxel]) + rates.epsilon));
-            if (rates.feature_smoothing > 0)
+
+            if constexpr (kSmooths) {
+                const Around around(neighbours, voxel);
+                pull += rates.density_smoothing * roughness(around, density[voxel], density);
                 smoothRow<kChannels>(around, voxel, rates.feature_rate * rates.feature_smoothing, features);
+            }
+            density[voxel] -= rates.density_rate * pull;
             for (int v = 0; v < kRowVectors; ++v) {
                 const auto gf = hn::LoadU(row, gradients + v * kRowLanes);
                 hn::StoreU(hn::NegMulAdd(scale, gf, hn::LoadU(row, values + v * kRowLanes)), row,
@@ -177,6 +225,13 @@ void rmsPropLeafOf(const RmsPropRates& rates, const std::uint64_t* active, const
         }
         gradient.touched[word] = 0;
     }
+}
+
+template <int kChannels>
+void rmsPropLeafOf(const RmsPropRates& rates, const std::uint64_t* active, const LeafGradient& gradient,
+                   float* density, float* density_moment, float* features, float* feature_moment) {
+    const auto of = smooths(rates) ? rmsPropLeafOf<kChannels, true> : rmsPropLeafOf<kChannels, false>;
+    of(rates, active, gradient, density, density_moment, features, feature_moment);
 }
 
 void rmsPropLeaf(int channels, const RmsPropRates& rates, const std::uint64_t* active, const LeafGradient& gradient,
@@ -199,6 +254,7 @@ HWY_AFTER_NAMESPACE();
 namespace nerfvdb {
 HWY_EXPORT(accumulateLeaf);
 HWY_EXPORT(rmsPropLeaf);
+HWY_EXPORT(prefetchLeaf);
 }  // namespace nerfvdb
 
 namespace nerfvdb::simd {
@@ -209,6 +265,13 @@ void accumulateLeaf(int n, const LeafContribution* contributions, int channels, 
 void rmsPropLeaf(int channels, const RmsPropRates& rates, const std::uint64_t* active, const LeafGradient& gradient,
                  float* density, float* density_moment, float* features, float* feature_moment) {
     HWY_DYNAMIC_DISPATCH(rmsPropLeaf)
+    (channels, rates, active, gradient, density, density_moment, features, feature_moment);
+}
+
+void prefetchLeaf(int channels, const RmsPropRates& rates, const std::uint64_t* active, const LeafGradient& gradient,
+                  const float* density, const float* density_moment, const float* features,
+                  const float* feature_moment) {
+    HWY_DYNAMIC_DISPATCH(prefetchLeaf)
     (channels, rates, active, gradient, density, density_moment, features, feature_moment);
 }
 

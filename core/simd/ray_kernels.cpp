@@ -8,6 +8,7 @@
 #include <hwy/contrib/math/math-inl.h>
 #include <hwy/highway.h>
 
+#include "core/prefetch.h"
 #include "core/simd/kernels.h"
 #include "core/simd/vectors-inl.h"
 
@@ -17,110 +18,172 @@ namespace {
 
 HWY_INLINE IntVec iota(std::int32_t first) { return hn::Iota(kInt, first); }
 
-/// Distance along one axis to the far side of [lo, hi], for an origin o and 1 / direction.
-HWY_INLINE float exitDistance(float lo, float hi, float o, float inverse) {
-    return ((inverse >= 0 ? hi : lo) - o) * inverse;
+constexpr int kMarchBlock = 64;  // rays whose next leaves are known, and on their way to the cache, before one is entered
+
+/// Where rays go on, [kMarchBlock] each: through leaf `leaf`, from sample k up to k_exit; nowhere if leaf is negative.
+struct LeafVisits {
+    HWY_ALIGN std::int32_t leaf[kMarchBlock], k[kMarchBlock], k_exit[kMarchBlock];
+    HWY_ALIGN float x[kMarchBlock], y[kMarchBlock], z[kMarchBlock];  // the ray's origin, seen from the leaf's first voxel
+};
+
+/// One coordinate of kLanes rays.
+struct MarchAxis {
+    FloatVec origin, direction, inverse;
+    IntVec last_leaf;        // leaf coordinates lie in [0, last_leaf]
+    hn::Mask<IntTag> is_up;  // the ray leaves a leaf by its upper face
+
+    MarchAxis(const float* o, const float* d, std::int32_t leaf_dim, IntVec rays)
+        : origin(hn::GatherIndex(kFloat, o, rays)), direction(hn::GatherIndex(kFloat, d, rays)),
+          last_leaf(hn::Set(kInt, leaf_dim - 1)) {
+        // A ray along a face gets a huge inverse instead of an infinite one.
+        const FloatVec smallest = hn::Set(kFloat, 1e-20f);
+        const auto up = hn::Ge(direction, hn::Zero(kFloat));
+        inverse = hn::Div(hn::Set(kFloat, 1.0f), hn::IfThenElse(up, hn::Max(direction, smallest),
+                                                               hn::Min(direction, hn::Neg(smallest))));
+        is_up = hn::RebindMask(kInt, up);
+    }
+    IntVec leafAt(FloatVec t) const {
+        const IntVec leaf = hn::ShiftRight<3>(hn::ConvertTo(kInt, hn::MulAdd(direction, t, origin)));
+        return hn::Min(hn::Max(leaf, hn::Zero(kInt)), last_leaf);
+    }
+    /// Distance to where the ray leaves the cube of all places nearer than `reach` to `place`, both in units of
+    /// voxels, shifted by `shift`.
+    FloatVec exitOf(IntVec place, IntVec reach, IntVec shift) const {
+        const IntVec beyond = hn::IfThenElse(is_up, reach, hn::Sub(hn::Set(kInt, 1), reach));
+        const IntVec face = hn::Shl(hn::Add(place, beyond), shift);
+        return hn::Mul(hn::Sub(hn::ConvertTo(kFloat, face), origin), inverse);
+    }
+};
+
+/// Walks kLanes rays side by side, by jumps over what is empty, each to its next leaf with occupied cells.
+HWY_INLINE void findLeaves(const Bricks& bricks, const RayTile& rays, float step, const std::int32_t* alive, int n,
+                           LeafVisits& visits, int slot) {
+    const IntVec zero = hn::Zero(kInt), one = hn::Set(kInt, 1), none = hn::Set(kInt, -1);
+    const auto is_ray = hn::FirstN(kInt, static_cast<std::size_t>(n));
+    const IntVec ray = hn::IfThenElseZero(is_ray, hn::LoadU(kInt, alive));
+    const MarchAxis x(rays.ox, rays.dx, bricks.leaf_dims[0], ray), y(rays.oy, rays.dy, bricks.leaf_dims[1], ray),
+        z(rays.oz, rays.dz, bricks.leaf_dims[2], ray);
+    const FloatVec length = hn::GatherIndex(kFloat, rays.length, ray);
+    const FloatVec offset = hn::GatherIndex(kFloat, rays.offset, ray);
+    const FloatVec steps = hn::Set(kFloat, step), inverse_step = hn::Set(kFloat, 1.0f / step);
+    const IntVec ny = hn::Set(kInt, bricks.node_dims[1]), nz = hn::Set(kInt, bricks.node_dims[2]);
+    // Where no node exists there may be no array; lanes that have no node read what is discarded, but read it.
+    const std::int32_t* const skip_leaves = bricks.skip_leaves ? bricks.skip_leaves : bricks.skip_nodes;
+
+    IntVec k = hn::IfThenElse(is_ray, hn::GatherIndex(kInt, rays.next, ray), none);
+    IntVec leaf = none, k_exit = zero, leaf_x = zero, leaf_y = zero, leaf_z = zero;
+    for (auto live = hn::Gt(k, none); !hn::AllFalse(kInt, live);) {
+        const FloatVec t = hn::MulAdd(hn::ConvertTo(kFloat, k), steps, offset);
+        live = hn::And(live, hn::RebindMask(kInt, hn::Lt(t, length)));
+        const IntVec lx = x.leafAt(t), ly = y.leafAt(t), lz = z.leafAt(t);
+        const IntVec nx_at = hn::ShiftRight<3>(lx), ny_at = hn::ShiftRight<3>(ly), nz_at = hn::ShiftRight<3>(lz);
+        const IntVec node = hn::GatherIndex(
+            kInt, bricks.skip_nodes, hn::Add(hn::Mul(hn::Add(hn::Mul(nx_at, ny), ny_at), nz), nz_at));
+        const auto has_node = hn::Gt(node, none);
+        const IntVec seven = hn::Set(kInt, 7);
+        const IntVec in_node = hn::Or(hn::Or(hn::ShiftLeft<6>(hn::And(lx, seven)), hn::ShiftLeft<3>(hn::And(ly, seven))),
+                                      hn::And(lz, seven));
+        const IntVec found =
+            hn::IfThenElse(has_node,
+                           hn::GatherIndex(kInt, skip_leaves,
+                                           hn::IfThenElseZero(has_node, hn::Or(hn::ShiftLeft<9>(node), in_node))),
+                           node);
+        const auto is_empty = hn::Lt(found, zero);
+
+        // The cube to cross: this leaf, or all the empty leaves or nodes around it. The first sample at or beyond its
+        // far side comes next; one step at least, whatever rounding says.
+        const IntVec reach = hn::IfThenElse(is_empty, hn::Neg(found), one);
+        const IntVec shift = hn::IfThenElse(has_node, hn::Set(kInt, 3), hn::Set(kInt, 6));
+        const FloatVec t_exit =
+            hn::Min(hn::Min(length, x.exitOf(hn::IfThenElse(has_node, lx, nx_at), reach, shift)),
+                    hn::Min(y.exitOf(hn::IfThenElse(has_node, ly, ny_at), reach, shift),
+                            z.exitOf(hn::IfThenElse(has_node, lz, nz_at), reach, shift)));
+        const IntVec k_next = hn::Max(
+            hn::ConvertTo(kInt, hn::Ceil(hn::Mul(hn::Sub(t_exit, offset), inverse_step))), hn::Add(k, one));
+
+        const auto is_found = hn::AndNot(is_empty, live);
+        leaf = hn::IfThenElse(is_found, found, leaf);
+        k_exit = hn::IfThenElse(is_found, k_next, k_exit);
+        leaf_x = hn::IfThenElse(is_found, lx, leaf_x);
+        leaf_y = hn::IfThenElse(is_found, ly, leaf_y);
+        leaf_z = hn::IfThenElse(is_found, lz, leaf_z);
+        live = hn::And(live, is_empty);
+        k = hn::IfThenElse(live, k_next, k);
+    }
+    hn::Store(leaf, kInt, visits.leaf + slot);
+    hn::Store(k, kInt, visits.k + slot);
+    hn::Store(k_exit, kInt, visits.k_exit + slot);
+    hn::Store(hn::Sub(x.origin, hn::ConvertTo(kFloat, hn::ShiftLeft<3>(leaf_x))), kFloat, visits.x + slot);
+    hn::Store(hn::Sub(y.origin, hn::ConvertTo(kFloat, hn::ShiftLeft<3>(leaf_y))), kFloat, visits.y + slot);
+    hn::Store(hn::Sub(z.origin, hn::ConvertTo(kFloat, hn::ShiftLeft<3>(leaf_z))), kFloat, visits.z + slot);
+    for (int lane = 0; lane < kLanes; ++lane) {
+        const std::int32_t number = visits.leaf[slot + lane];
+        if (number < 0) continue;
+        prefetch(bricks.occupied + std::size_t(number) * 8);
+        prefetch(bricks.upper_neighbours + std::size_t(number) * 8);
+    }
 }
 
-/// 1 / d, or a huge number of the same sign where a ray runs along a face.
-HWY_INLINE float safeInverse(float d) {
-    constexpr float kSmallest = 1e-20f;
-    if (d >= 0) return 1.0f / (d > kSmallest ? d : kSmallest);
-    return 1.0f / (d < -kSmallest ? d : -kSmallest);
+/// 32 bits of a leaf's mask for each lane; `words` holds all of it if it fits one vector.
+HWY_INLINE IntVec maskWords(const std::int32_t* bits, IntVec words, IntVec word) {
+    if constexpr (kLanes == kLeafMaskWords)
+        return hn::TableLookupLanes(words, hn::IndicesFromVec(kInt, word));
+    else
+        return hn::GatherIndex(kInt, bits, word);
 }
 
 int marchRays(const Bricks& bricks, const RayTile& rays, float step, int max_per_ray, const std::int32_t* alive,
               int n_alive, std::int32_t* begin, const SampleArrays& out) {
-    const float inverse_step = 1.0f / step;
     const FloatVec zero = hn::Zero(kFloat), one = hn::Set(kFloat, 1.0f), seven = hn::Set(kFloat, 7.0f);
+    LeafVisits visits;
     int n = 0;
     for (int a = 0; a < n_alive; ++a) {
+        const int slot = a % kMarchBlock;
+        if (slot == 0)
+            for (int first = 0; first < kMarchBlock && a + first < n_alive; first += kLanes)
+                findLeaves(bricks, rays, step, alive + a + first, n_alive - a - first, visits, first);
         begin[a] = n;
-        const int r = alive[a];
-        const float o[3] = {rays.ox[r], rays.oy[r], rays.oz[r]};
-        const float d[3] = {rays.dx[r], rays.dy[r], rays.dz[r]};
-        const float inverse[3] = {safeInverse(d[0]), safeInverse(d[1]), safeInverse(d[2])};
-        const float offset = rays.offset[r], length = rays.length[r];
-        std::int32_t k = rays.next[r];
-        while (k >= 0 && n - begin[a] < max_per_ray) {
-            const float t = static_cast<float>(k) * step + offset;
-            if (!(t < length)) {
-                k = -1;
-                break;
-            }
-            std::int32_t leaf_coord[3], node_coord[3];
-            for (int axis = 0; axis < 3; ++axis) {
-                std::int32_t c = static_cast<std::int32_t>(o[axis] + d[axis] * t) >> 3;
-                c = c < 0 ? 0 : c;
-                leaf_coord[axis] = c < bricks.leaf_dims[axis] ? c : bricks.leaf_dims[axis] - 1;
-                node_coord[axis] = leaf_coord[axis] >> 3;
-            }
-            const std::int32_t node =
-                bricks.skip_nodes[(static_cast<std::size_t>(node_coord[0]) * bricks.node_dims[1] + node_coord[1]) *
-                                      bricks.node_dims[2] + node_coord[2]];
-            const std::int32_t leaf =
-                node < 0 ? node
-                         : bricks.skip_leaves[static_cast<std::size_t>(node) * 512 + (leaf_coord[0] & 7) * 64 +
-                                              (leaf_coord[1] & 7) * 8 + (leaf_coord[2] & 7)];
-
-            // The cube to cross: this leaf, or all the empty leaves or nodes around it.
-            const std::int32_t reach = leaf < 0 ? -leaf : 1;
-            const std::int32_t* const place = node < 0 ? node_coord : leaf_coord;
-            const std::int32_t edge = node < 0 ? 64 : 8;
-            float t_exit = length;
-            for (int axis = 0; axis < 3; ++axis) {
-                const float lo = static_cast<float>((place[axis] - reach + 1) * edge);
-                const float hi = static_cast<float>((place[axis] + reach) * edge);
-                const float e = exitDistance(lo, hi, o[axis], inverse[axis]);
-                t_exit = e < t_exit ? e : t_exit;
-            }
-            // The first sample at or beyond the exit; one step at least, whatever rounding says.
-            const float k_float = (t_exit - offset) * inverse_step;
-            std::int32_t k_exit = static_cast<std::int32_t>(k_float);
-            k_exit += static_cast<float>(k_exit) < k_float;
-            if (k_exit <= k) k_exit = k + 1;
-            if (leaf < 0) {
-                k = k_exit;
-                continue;
-            }
-
-            const std::int32_t* bits = reinterpret_cast<const std::int32_t*>(bricks.occupied + std::size_t(leaf) * 8);
-            const FloatVec lx = hn::Set(kFloat, o[0] - static_cast<float>(leaf_coord[0] * 8));
-            const FloatVec ly = hn::Set(kFloat, o[1] - static_cast<float>(leaf_coord[1] * 8));
-            const FloatVec lz = hn::Set(kFloat, o[2] - static_cast<float>(leaf_coord[2] * 8));
-            const IntVec last = hn::Set(kInt, k_exit);
-            for (; k < k_exit && n - begin[a] < max_per_ray; k += kLanes) {
-                const IntVec ks = iota(k);
-                const FloatVec ts =
-                    hn::MulAdd(hn::ConvertTo(kFloat, ks), hn::Set(kFloat, step), hn::Set(kFloat, offset));
-                const FloatVec px = hn::MulAdd(hn::Set(kFloat, d[0]), ts, lx);
-                const FloatVec py = hn::MulAdd(hn::Set(kFloat, d[1]), ts, ly);
-                const FloatVec pz = hn::MulAdd(hn::Set(kFloat, d[2]), ts, lz);
-                const IntVec cx = hn::ConvertTo(kInt, hn::Min(hn::Max(px, zero), seven));
-                const IntVec cy = hn::ConvertTo(kInt, hn::Min(hn::Max(py, zero), seven));
-                const IntVec cz = hn::ConvertTo(kInt, hn::Min(hn::Max(pz, zero), seven));
-                const IntVec word = hn::Or(hn::ShiftLeft<1>(cx), hn::ShiftRight<2>(cy));
-                const IntVec bit = hn::Or(hn::ShiftLeft<3>(hn::And(cy, hn::Set(kInt, 3))), cz);
-                const IntVec occupied =
-                    hn::And(hn::GatherIndex(kInt, bits, word), hn::Shl(hn::Set(kInt, 1), bit));
-                auto keep = hn::And(hn::Ne(occupied, hn::Zero(kInt)), hn::Lt(ks, last));
-                if (hn::AllFalse(kInt, keep)) continue;
-                const auto keep_float = hn::RebindMask(kFloat, keep);
-                const auto fraction = [&](FloatVec p, IntVec c) HWY_ATTR {
-                    return hn::Min(hn::Max(hn::Sub(p, hn::ConvertTo(kFloat, c)), zero), one);
-                };
-                const IntVec cell = hn::Or(hn::Or(hn::ShiftLeft<6>(cx), hn::ShiftLeft<3>(cy)), cz);
-                hn::StoreU(hn::Set(kInt, leaf), kInt, out.leaf + n);
-                hn::StoreU(hn::Compress(cell, keep), kInt, out.cell + n);
-                hn::StoreU(hn::Compress(fraction(px, cx), keep_float), kFloat, out.x + n);
-                hn::StoreU(hn::Compress(fraction(py, cy), keep_float), kFloat, out.y + n);
-                hn::StoreU(hn::Compress(fraction(pz, cz), keep_float), kFloat, out.z + n);
-                hn::StoreU(hn::Compress(ts, keep_float), kFloat, out.t + n);
-                n += static_cast<int>(hn::CountTrue(kInt, keep));
-            }
-            if (k > k_exit) k = k_exit;
+        const std::int32_t leaf = visits.leaf[slot], r = alive[a];
+        if (leaf < 0) {
+            rays.next[r] = -1;
+            continue;
         }
-        rays.next[r] = k;
+
+        const std::int32_t k_first = visits.k[slot];
+        const std::int32_t k_end = visits.k_exit[slot] - k_first < max_per_ray ? visits.k_exit[slot] : k_first + max_per_ray;
+        const std::int32_t* const bits = reinterpret_cast<const std::int32_t*>(bricks.occupied + std::size_t(leaf) * 8);
+        const IntVec words = hn::LoadU(kInt, bits);
+        const FloatVec dx = hn::Set(kFloat, rays.dx[r]), lx = hn::Set(kFloat, visits.x[slot]);
+        const FloatVec dy = hn::Set(kFloat, rays.dy[r]), ly = hn::Set(kFloat, visits.y[slot]);
+        const FloatVec dz = hn::Set(kFloat, rays.dz[r]), lz = hn::Set(kFloat, visits.z[slot]);
+        const FloatVec steps = hn::Set(kFloat, step), offset = hn::Set(kFloat, rays.offset[r]);
+        for (std::int32_t k = k_first; k < k_end; k += kLanes) {
+            const IntVec ks = iota(k);
+            const FloatVec ts = hn::MulAdd(hn::ConvertTo(kFloat, ks), steps, offset);
+            const FloatVec px = hn::MulAdd(dx, ts, lx), py = hn::MulAdd(dy, ts, ly), pz = hn::MulAdd(dz, ts, lz);
+            const IntVec cx = hn::ConvertTo(kInt, hn::Min(hn::Max(px, zero), seven));
+            const IntVec cy = hn::ConvertTo(kInt, hn::Min(hn::Max(py, zero), seven));
+            const IntVec cz = hn::ConvertTo(kInt, hn::Min(hn::Max(pz, zero), seven));
+            const IntVec word = hn::Or(hn::ShiftLeft<1>(cx), hn::ShiftRight<2>(cy));
+            const IntVec bit = hn::Or(hn::ShiftLeft<3>(hn::And(cy, hn::Set(kInt, 3))), cz);
+            const IntVec occupied = hn::And(maskWords(bits, words, word), hn::Shl(hn::Set(kInt, 1), bit));
+            const auto keep = hn::And(hn::Ne(occupied, hn::Zero(kInt)), hn::Lt(ks, hn::Set(kInt, k_end)));
+            if (hn::AllFalse(kInt, keep)) continue;
+            const auto keep_float = hn::RebindMask(kFloat, keep);
+            const auto fraction = [&](FloatVec p, IntVec c) HWY_ATTR {
+                return hn::Min(hn::Max(hn::Sub(p, hn::ConvertTo(kFloat, c)), zero), one);
+            };
+            const IntVec cell = hn::Or(hn::Or(hn::ShiftLeft<6>(cx), hn::ShiftLeft<3>(cy)), cz);
+            hn::StoreU(hn::Set(kInt, leaf), kInt, out.leaf + n);
+            hn::StoreU(hn::Compress(cell, keep), kInt, out.cell + n);
+            hn::StoreU(hn::Compress(fraction(px, cx), keep_float), kFloat, out.x + n);
+            hn::StoreU(hn::Compress(fraction(py, cy), keep_float), kFloat, out.y + n);
+            hn::StoreU(hn::Compress(fraction(pz, cz), keep_float), kFloat, out.z + n);
+            hn::StoreU(hn::Compress(ts, keep_float), kFloat, out.t + n);
+            n += static_cast<int>(hn::CountTrue(kInt, keep));
+        }
+        const bool has_ended = !(static_cast<float>(k_end) * step + rays.offset[r] < rays.length[r]);
+        rays.next[r] = has_ended ? -1 : k_end;
     }
     begin[n_alive] = n;
     return n;
@@ -178,13 +241,92 @@ HWY_INLINE void padSamples(const SampleArrays& samples, int n) {
     for (int i = n; i < n + kPadding; ++i) samples.leaf[i] = samples.cell[i] = 0;
 }
 
-HWY_INLINE FloatVec trilinearDensity(const Bricks& bricks, const SampleArrays& samples, int i) {
-    Corners corners;
-    loadCorners(bricks, samples, i, corners);
-    FloatVec sum = hn::Mul(corners.weight[0], hn::GatherIndex(kFloat, bricks.density, corners.index[0]));
-    for (int corner = 1; corner < 8; ++corner)
-        sum = hn::MulAdd(corners.weight[corner], hn::GatherIndex(kFloat, bricks.density, corners.index[corner]), sum);
-    return sum;
+/// Where the densities of kPadding samples lie: found, and sent for, before they are needed.
+struct DensityPlaces {
+    HWY_ALIGN std::int32_t first[kPadding];          // value number of the lowest corner ...
+    std::uint32_t crossing = 0;                      // ... but of samples whose cells have corners in other leaves ...
+    HWY_ALIGN std::int32_t corner[kPadding][8];      // ... of each
+};
+
+constexpr int kPair[4] = {0, 8, 64, 72};  // value numbers of corners with the lower z, from the lowest
+
+HWY_INLINE void findDensities(const Bricks& bricks, const SampleArrays& samples, int i, DensityPlaces& places) {
+    places.crossing = 0;
+    for (int lane = 0; lane < kPadding; lane += kLanes) {
+        const IntVec cell = hn::LoadU(kInt, samples.cell + i + lane);
+        const auto isLast = [&](int bits) HWY_ATTR {
+            return hn::Eq(hn::And(cell, hn::Set(kInt, bits)), hn::Set(kInt, bits));
+        };
+        const auto crosses = hn::Or(isLast(7 << 6), hn::Or(isLast(7 << 3), isLast(7)));
+        const IntVec leaf = hn::ShiftLeft<9>(hn::LoadU(kInt, samples.leaf + i + lane));
+        hn::Store(hn::Add(leaf, hn::IfThenZeroElse(crosses, cell)), kInt, places.first + lane);
+        std::uint8_t bytes[8] = {};
+        hn::StoreMaskBits(kInt, crosses, bytes);
+        places.crossing |= static_cast<std::uint32_t>(bytes[0] | bytes[1] << 8) << lane;
+    }
+    for (int s = 0; s < kPadding; ++s)
+        for (const int corner : {0, 9, 64, 73}) prefetch(bricks.density + places.first[s] + corner);
+    for (std::uint32_t left = places.crossing; left; left &= left - 1) {
+        const int s = __builtin_ctz(left);
+        const std::int32_t cell = samples.cell[i + s];
+        const std::int32_t* const upper = bricks.upper_neighbours + std::size_t(samples.leaf[i + s]) * 8;
+        const std::int32_t x = cell >> 6, y = cell >> 3 & 7, z = cell & 7;
+        const std::int32_t crossed = (x == 7) * 4 + (y == 7) * 2 + (z == 7);
+        const std::int32_t at_x[2] = {x * 64, ((x + 1) & 7) * 64}, at_y[2] = {y * 8, ((y + 1) & 7) * 8},
+                           at_z[2] = {z, (z + 1) & 7};
+        for (int corner = 0; corner < 8; ++corner) {
+            const std::int32_t place =
+                upper[corner & crossed] * 512 + at_x[corner >> 2] + at_y[corner >> 1 & 1] + at_z[corner & 1];
+            places.corner[s][corner] = place;
+            prefetch(bricks.density + place);
+        }
+    }
+}
+
+/// Densities at the corners of kPadding cells, two neighbours in z side by side: [x, y of the corner][sample][z].
+using CornerDensities = float[4][2 * kPadding];
+
+/// Plain loads: a gather of so many lanes takes as long as loading each, and pairs are loaded as one.
+HWY_INLINE void loadDensities(const Bricks& bricks, const DensityPlaces& places, CornerDensities& pairs) {
+    for (int s = 0; s < kPadding; ++s)
+        for (int pair = 0; pair < 4; ++pair)
+            __builtin_memcpy(&pairs[pair][2 * s], bricks.density + places.first[s] + kPair[pair], 2 * sizeof(float));
+    for (std::uint32_t left = places.crossing; left; left &= left - 1) {
+        const int s = __builtin_ctz(left);
+        for (int corner = 0; corner < 8; ++corner)
+            pairs[corner >> 1][2 * s + (corner & 1)] = bricks.density[places.corner[s][corner]];
+    }
+}
+
+/// Calls use(j, values) for the trilinear densities of all samples, kLanes at a time from the j-th on.
+template <typename Use>
+HWY_INLINE void forEachDensity(const Bricks& bricks, int n, const SampleArrays& samples, const Use& use) {
+    constexpr int kAhead = 3;  // times kPadding samples, whose densities are on their way
+    DensityPlaces places[kAhead + 1];
+    HWY_ALIGN CornerDensities pairs;
+    const auto find = [&](int i) HWY_ATTR {
+        if (i < n) findDensities(bricks, samples, i, places[i / kPadding % (kAhead + 1)]);
+    };
+    for (int i = 0; i < kAhead * kPadding; i += kPadding) find(i);
+    for (int i = 0; i < n; i += kPadding) {
+        find(i + kAhead * kPadding);
+        loadDensities(bricks, places[i / kPadding % (kAhead + 1)], pairs);
+        for (int lane = 0; lane < kPadding; lane += kLanes) {
+            const FloatVec fx = hn::LoadU(kFloat, samples.x + i + lane), fy = hn::LoadU(kFloat, samples.y + i + lane),
+                           fz = hn::LoadU(kFloat, samples.z + i + lane);
+            const FloatVec unit = hn::Set(kFloat, 1.0f);
+            const FloatVec gx = hn::Sub(unit, fx), gy = hn::Sub(unit, fy), gz = hn::Sub(unit, fz);
+            const FloatVec weight[4] = {hn::Mul(gx, gy), hn::Mul(gx, fy), hn::Mul(fx, gy), hn::Mul(fx, fy)};
+            FloatVec lower = hn::Zero(kFloat), upper = hn::Zero(kFloat);
+            for (int pair = 0; pair < 4; ++pair) {
+                FloatVec below, above;
+                hn::LoadInterleaved2(kFloat, pairs[pair] + 2 * lane, below, above);
+                lower = hn::MulAdd(weight[pair], below, lower);
+                upper = hn::MulAdd(weight[pair], above, upper);
+            }
+            use(i + lane, hn::MulAdd(gz, lower, hn::Mul(fz, upper)));
+        }
+    }
 }
 
 /// What an optical depth does to light: alpha = 1 - exp(-depth), decay = exp(-depth).
@@ -201,20 +343,19 @@ HWY_INLINE void storeAbsorption(FloatVec depth, float* tau, float* alpha, float*
 void densityForward(const Bricks& bricks, int n, const SampleArrays& samples, float max_raw, float tau_scale,
                     float* raw, float* tau, float* alpha, float* decay) {
     padSamples(samples, n);
-    for (int i = 0; i < n; i += kLanes) {
-        const FloatVec value = trilinearDensity(bricks, samples, i);
+    forEachDensity(bricks, n, samples, [&](int i, FloatVec value) HWY_ATTR {
         hn::StoreU(value, kFloat, raw + i);
         const FloatVec sigma = hn::Exp(kFloat, hn::Min(value, hn::Set(kFloat, max_raw)));
         storeAbsorption(hn::Mul(sigma, hn::Set(kFloat, tau_scale)), tau + i, alpha + i, decay + i);
-    }
+    });
 }
 
 void sigmaForward(const Bricks& bricks, int n, const SampleArrays& samples, float tau_scale, float* tau, float* alpha,
                   float* decay) {
     padSamples(samples, n);
-    for (int i = 0; i < n; i += kLanes)
-        storeAbsorption(hn::Mul(trilinearDensity(bricks, samples, i), hn::Set(kFloat, tau_scale)), tau + i, alpha + i,
-                        decay + i);
+    forEachDensity(bricks, n, samples, [&](int i, FloatVec value) HWY_ATTR {
+        storeAbsorption(hn::Mul(value, hn::Set(kFloat, tau_scale)), tau + i, alpha + i, decay + i);
+    });
 }
 
 template <int kChannels>
@@ -237,7 +378,7 @@ void featuresForwardOf(const Bricks& bricks, int n, const SampleArrays& samples,
         }
         for (int s = 0; s < kBlock; ++s)
             for (int corner = 0; corner < 8; ++corner)
-                __builtin_prefetch(bricks.features + std::size_t(index[slot][corner][s]) * kChannels);
+                prefetch(bricks.features + std::size_t(index[slot][corner][s]) * kChannels);
     };
     if (n > 0) prepare(0);
     for (int i = 0; i < n; i += kBlock) {

@@ -175,21 +175,38 @@ TEST_CASE("features of samples, summed along rays: fast = reference for 4, 8 and
     }
 }
 
+/// A cell, and by which of its corners (all, or those beyond a face) it reaches into a leaf.
+struct LeafPlace {
+    std::int32_t cell;
+    std::uint32_t corner;
+};
+
+LeafPlace randomLeafPlace(std::uint64_t seed, std::uint64_t i) {
+    LeafPlace place{0, 0};
+    for (int axis = 0; axis < 3; ++axis) {
+        const auto coordinate = static_cast<std::int32_t>(randomBits(seed, axis, i) % 9);
+        const bool is_below = coordinate == 8;  // the cell is the last of the lower neighbour
+        place.cell = place.cell * 8 + (is_below ? 7 : coordinate);
+        place.corner = place.corner * 2 + (is_below ? 1 : 0);
+    }
+    return place;
+}
+
 TEST_CASE("gradients of one leaf: fast = reference, and the same voxels are touched") {
     for (const int channels : {4, 8, 16}) {
         CAPTURE(channels);
         constexpr int kSamples = 200;
         const std::vector<float> dl_dfeatures = randomFloats(kSamples * channels + kPadding, -1, 1, 40);
+        std::vector<SampleGradient> samples;
         std::vector<LeafContribution> contributions;
         for (int i = 0; i < kSamples; ++i) {
-            const auto coordinate = [&](int axis) {
-                return static_cast<std::int32_t>(randomBits(41, axis, i) % 9) -
-                       1;  // -1: a lower neighbour's cell
-            };
-            contributions.push_back({coordinate(0), coordinate(1), coordinate(2), randomIn(0, 1, 42, i),
-                                     randomIn(0, 1, 43, i), randomIn(0, 1, 44, i), randomIn(0, 1, 45, i),
-                                     randomIn(-1, 1, 46, i), &dl_dfeatures[i * channels]});
+            const LeafPlace place = randomLeafPlace(41, i);
+            samples.push_back({place.cell, randomIn(0, 1, 42, i), randomIn(0, 1, 43, i), randomIn(0, 1, 44, i),
+                               randomIn(0, 1, 45, i), randomIn(-1, 1, 46, i), &dl_dfeatures[i * channels]});
+            contributions.push_back({nullptr, 0, place.corner});
         }
+        for (int i = 0; i < kSamples; ++i) contributions[i].sample = &samples[i];
+        contributions.resize(kSamples + kPadding);
         struct Sums {
             std::vector<float> density, features;
             LeafMask touched{};

@@ -104,19 +104,23 @@ std::vector<std::vector<Found>> march(decltype(&simd::marchRays) kernel, const T
                                       const Bricks& bricks, Rays& rays, int max_per_ray) {
     std::vector<std::vector<Found>> found(rays.size());
     std::vector<std::int32_t> progress = rays.next, alive = rays.alive, begin(rays.size() + 1);
-    const std::size_t room = rays.size() * static_cast<std::size_t>(max_per_ray + kPadding) + kPadding;
+    const std::size_t room = rays.size() * static_cast<std::size_t>(max_per_ray) + kPadding;
     std::vector<std::int32_t> leaf(room), cell(room);
     std::vector<float> x(room), y(room), z(room), t(room);
     int broken = 0;
     while (!alive.empty()) {
+        const std::size_t n_alive = alive.size();
+        alive.resize(n_alive + kPadding);
         const int n = kernel(bricks, rays.tile(progress), kStep, max_per_ray, alive.data(),
-                             static_cast<int>(alive.size()), begin.data(),
+                             static_cast<int>(n_alive), begin.data(),
                              {leaf.data(), cell.data(), x.data(), y.data(), z.data(), t.data()});
-        broken += begin[alive.size()] != n;
+        alive.resize(n_alive);
+        broken += begin[n_alive] != n;
         std::vector<std::int32_t> still;
         for (std::size_t a = 0; a < alive.size(); ++a) {
             const std::int32_t r = alive[a], count = begin[a + 1] - begin[a];
-            broken += count >= max_per_ray + kPadding || (progress[r] >= 0 && count < max_per_ray);
+            broken += count > max_per_ray;
+            for (int i = begin[a]; i < begin[a + 1]; ++i) broken += leaf[i] != leaf[begin[a]];
             for (int i = begin[a]; i < begin[a + 1]; ++i) {
                 const Vec3i ijk = topology.leafCoords()[leaf[i]] * kLeafDim +
                                   Vec3i(cell[i] >> 6, cell[i] >> 3 & 7, cell[i] & 7);

@@ -39,7 +39,7 @@ std::vector<TileGradients> randomTiles(const VoxelField& field, int n_tiles, int
         }
         for (int i = 0; i < 20 * channels + kPadding; ++i)
             tiles[t].dl_dray_features.push_back(randomIn(-1, 1, 8 + t, i));
-        tiles[t].bin(topology);
+        tiles[t].bin(topology, channels);
     }
     return tiles;
 }

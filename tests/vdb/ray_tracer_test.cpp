@@ -71,7 +71,7 @@ TEST_CASE("gradients of density and features agree with central differences thro
     tiles[0].dl_dray_features = loss.dl_dray_features;
     tracer.traceBackward(scene, tiles[0].dl_dray_features.data(), loss.dl_dtransmittance.data(), /*dl_ddistortion=*/0,
                          tiles[0].kept);
-    tiles[0].bin(field.topology());
+    tiles[0].bin(field.topology(), kChannels);
     std::vector<float> dl_ddensity(field.density().size()), dl_dfeatures(field.features().size());
     LeafScatter scatter;
     scatter.run(field.topology(), kChannels, tiles,
