@@ -123,6 +123,7 @@ public:
         adam_first, adam_second;
     HugeArray<float> copy_from, copy_to;
 
+    /// To the leaves that the rays meet first.
     void marchTile(const KernelSet& kernels, Tile& tile) const {
         std::fill(tile.next.begin(), tile.next.end(), 0);
         tile.n = kernels.march(bricks, tile.rays(), kStep, kSamplesPerRay, tile.alive.data(), kTileRays,

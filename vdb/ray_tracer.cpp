@@ -53,7 +53,7 @@ RayTracer::RayTracer(int max_rays) {
     has_met_.resize(rays);
     for (auto* array : {&alive_, &begin_, &first_stretch_}) array->resize(rays + 1);
     const std::size_t samples = rays * kStepsPerRound + kPadding;
-    for (auto* array : {&leaf_, &cell_, &picked_}) array->resize(samples);
+    for (auto* array : {&leaf_, &cell_}) array->resize(samples);
     for (auto* array : {&x_, &y_, &z_, &t_, &raw_, &tau_, &alpha_, &decay_}) array->resize(samples);
 }
 
@@ -166,39 +166,29 @@ void RayTracer::trace(const TraceScene& scene, const TraceOptions& options, Kept
         counters_.samples_density += static_cast<std::uint64_t>(n);
         kept.reserve(static_cast<std::size_t>(kept.n) + static_cast<std::size_t>(n));
 
-        // Which samples are kept, without a branch for it; then what is known of them.
-        const int n_before = kept.n;
-        int n_left = 0, k = n_before;
-        std::int32_t* const picked = picked_.data();
-        float* const weights = kept.weight.data();
-        float* const transmittances = kept.transmittance.data();
+        int n_left = 0, k = kept.n;
         for (int a = 0; a < n_alive; ++a) {
-            const int s = alive_[a], r = ray_[s], first = k;
+            const int s = alive_[a], r = ray_[s];
             CompositeRay light{light_[r]};
             float dropped = dropped_[r];
             for (int i = begin_[a]; i < begin_[a + 1] && light.transmittance >= options.stop_transmittance; ++i) {
                 const float weight = light.add(alpha_[i], decay_[i]);
-                const bool is_dropped = (weight < options.min_weight) & (dropped + weight <= options.max_dropped);
-                picked[k - n_before] = i, weights[k] = weight;
-                transmittances[k] = static_cast<float>(light.transmittance);
-                dropped += is_dropped ? weight : 0.0f;
-                k += is_dropped ? 0 : 1;
-            }
-            for (int j = first; j < k; ++j) {
-                kept.ray[j] = r;
-                kept.t[j] = t_begin_[s] + scale_[s] * t_[picked[j - n_before]];
+                if (weight < options.min_weight && dropped + weight <= options.max_dropped) {
+                    dropped += weight;
+                    continue;
+                }
+                kept.leaf[k] = leaf_[i], kept.cell[k] = cell_[i], kept.ray[k] = r;
+                kept.x[k] = x_[i], kept.y[k] = y_[i], kept.z[k] = z_[i];
+                kept.t[k] = t_begin_[s] + scale_[s] * t_[i];
+                kept.weight[k] = weight, kept.tau[k] = tau_[i];
+                kept.transmittance[k] = static_cast<float>(light.transmittance);
+                ++k;
             }
             light_[r] = light.transmittance, dropped_[r] = dropped;
             has_met_[r] |= begin_[a] < begin_[a + 1];
             if (light.transmittance < options.stop_transmittance) continue;
             if (next_[s] >= 0) alive_[n_left++] = s;
             else if (s + 1 < first_stretch_[r + 1]) alive_[n_left++] = s + 1;
-        }
-        for (int j = n_before; j < k; ++j) {
-            const std::int32_t i = picked[j - n_before];
-            kept.leaf[j] = leaf_[i], kept.cell[j] = cell_[i];
-            kept.x[j] = x_[i], kept.y[j] = y_[i], kept.z[j] = z_[i];
-            kept.tau[j] = tau_[i];
         }
         kept.n = k;
         n_alive = n_left;

@@ -124,7 +124,7 @@ private:
     std::vector<std::uint8_t> has_met_;               // [ray] an occupied cell
     std::vector<double> light_;                       // [ray] T in front of the next sample
     std::vector<float> transmittance_, dropped_, ray_features_, weight_, inverse_weight_;
-    std::vector<std::int32_t> leaf_, cell_, picked_;
+    std::vector<std::int32_t> leaf_, cell_;
     std::vector<float> x_, y_, z_, t_, raw_, tau_, alpha_, decay_;
     std::vector<float> features_, slope_, mean_slope_, distances_;
     std::vector<CompositeRayBackward> behind_;

@@ -18,7 +18,7 @@ namespace {
 
 HWY_INLINE IntVec iota(std::int32_t first) { return hn::Iota(kInt, first); }
 
-constexpr int kMarchBlock = 64;  // rays whose next leaves are known, and on their way to the cache, before one is entered
+constexpr int kMarchBlock = 32;  // rays whose next leaves are found, and sent for, while those before are walked through
 
 /// Where rays go on, [kMarchBlock] each: through leaf `leaf`, from sample k up to k_exit; nowhere if leaf is negative.
 struct LeafVisits {
@@ -135,13 +135,17 @@ HWY_INLINE IntVec maskWords(const std::int32_t* bits, IntVec words, IntVec word)
 int marchRays(const Bricks& bricks, const RayTile& rays, float step, int max_per_ray, const std::int32_t* alive,
               int n_alive, std::int32_t* begin, const SampleArrays& out) {
     const FloatVec zero = hn::Zero(kFloat), one = hn::Set(kFloat, 1.0f), seven = hn::Set(kFloat, 7.0f);
-    LeafVisits visits;
+    LeafVisits blocks[2];
+    const auto find = [&](int block) HWY_ATTR {
+        for (int slot = 0, a = block * kMarchBlock; slot < kMarchBlock && a < n_alive; slot += kLanes, a += kLanes)
+            findLeaves(bricks, rays, step, alive + a, n_alive - a, blocks[block & 1], slot);
+    };
+    find(0);
     int n = 0;
     for (int a = 0; a < n_alive; ++a) {
-        const int slot = a % kMarchBlock;
-        if (slot == 0)
-            for (int first = 0; first < kMarchBlock && a + first < n_alive; first += kLanes)
-                findLeaves(bricks, rays, step, alive + a + first, n_alive - a - first, visits, first);
+        const int block = a / kMarchBlock, slot = a % kMarchBlock;
+        if (slot == 0) find(block + 1);
+        const LeafVisits& visits = blocks[block & 1];
         begin[a] = n;
         const std::int32_t leaf = visits.leaf[slot], r = alive[a];
         if (leaf < 0) {
@@ -243,42 +247,49 @@ HWY_INLINE void padSamples(const SampleArrays& samples, int n) {
 
 /// Where the densities of kPadding samples lie: found, and sent for, before they are needed.
 struct DensityPlaces {
-    HWY_ALIGN std::int32_t first[kPadding];          // value number of the lowest corner ...
-    std::uint32_t crossing = 0;                      // ... but of samples whose cells have corners in other leaves ...
-    HWY_ALIGN std::int32_t corner[kPadding][8];      // ... of each
+    HWY_ALIGN std::int32_t pair[4][kPadding];  // value numbers of the corners with the lower z, by x and y ...
+    std::uint32_t crossing = 0;                // ... but of samples whose cell reaches into the leaf above in z ...
+    std::int32_t corner[kPadding][8];          // ... of all corners
 };
 
-constexpr int kPair[4] = {0, 8, 64, 72};  // value numbers of corners with the lower z, from the lowest
-
 HWY_INLINE void findDensities(const Bricks& bricks, const SampleArrays& samples, int i, DensityPlaces& places) {
+    const IntVec seven = hn::Set(kInt, 7), one = hn::Set(kInt, 1), zero = hn::Zero(kInt);
     places.crossing = 0;
     for (int lane = 0; lane < kPadding; lane += kLanes) {
-        const IntVec cell = hn::LoadU(kInt, samples.cell + i + lane);
-        const auto isLast = [&](int bits) HWY_ATTR {
-            return hn::Eq(hn::And(cell, hn::Set(kInt, bits)), hn::Set(kInt, bits));
-        };
-        const auto crosses = hn::Or(isLast(7 << 6), hn::Or(isLast(7 << 3), isLast(7)));
-        const IntVec leaf = hn::ShiftLeft<9>(hn::LoadU(kInt, samples.leaf + i + lane));
-        hn::Store(hn::Add(leaf, hn::IfThenZeroElse(crosses, cell)), kInt, places.first + lane);
+        const IntVec leaf = hn::LoadU(kInt, samples.leaf + i + lane), cell = hn::LoadU(kInt, samples.cell + i + lane);
+        const IntVec x = hn::ShiftRight<6>(cell), y = hn::And(hn::ShiftRight<3>(cell), seven), z = hn::And(cell, seven);
+        const IntVec at_x[2] = {hn::ShiftLeft<6>(x), hn::ShiftLeft<6>(hn::And(hn::Add(x, one), seven))};
+        const IntVec at_y[2] = {hn::ShiftLeft<3>(y), hn::ShiftLeft<3>(hn::And(hn::Add(y, one), seven))};
+        const IntVec at_z = hn::Min(z, hn::Set(kInt, 6));  // of a pair that lies in the leaf, whether it is the right one
+        const auto crosses_x = hn::Eq(x, seven), crosses_y = hn::Eq(y, seven);
+        IntVec owner[4];
+        for (IntVec& brick : owner) brick = hn::ShiftLeft<9>(leaf);
+        if (!hn::AllFalse(kInt, hn::Or(crosses_x, crosses_y))) {
+            const IntVec neighbours = hn::ShiftLeft<3>(leaf);
+            const IntVec next_x = hn::IfThenElse(crosses_x, hn::Set(kInt, 4), zero);
+            const IntVec next_y = hn::IfThenElse(crosses_y, hn::Set(kInt, 2), zero);
+            for (int pair = 1; pair < 4; ++pair) {
+                IntVec crossed = neighbours;
+                if (pair & 2) crossed = hn::Add(crossed, next_x);
+                if (pair & 1) crossed = hn::Add(crossed, next_y);
+                owner[pair] = hn::ShiftLeft<9>(hn::GatherIndex(kInt, bricks.upper_neighbours, crossed));
+            }
+        }
+        for (int pair = 0; pair < 4; ++pair)
+            hn::Store(hn::Add(hn::Add(owner[pair], at_x[pair >> 1]), hn::Add(at_y[pair & 1], at_z)), kInt,
+                      places.pair[pair] + lane);
         std::uint8_t bytes[8] = {};
-        hn::StoreMaskBits(kInt, crosses, bytes);
+        hn::StoreMaskBits(kInt, hn::Eq(z, seven), bytes);
         places.crossing |= static_cast<std::uint32_t>(bytes[0] | bytes[1] << 8) << lane;
     }
-    for (int s = 0; s < kPadding; ++s)
-        for (const int corner : {0, 9, 64, 73}) prefetch(bricks.density + places.first[s] + corner);
+    for (int pair = 0; pair < 4; ++pair)
+        for (int s = 0; s < kPadding; ++s) prefetch(bricks.density + places.pair[pair][s]);
     for (std::uint32_t left = places.crossing; left; left &= left - 1) {
         const int s = __builtin_ctz(left);
-        const std::int32_t cell = samples.cell[i + s];
-        const std::int32_t* const upper = bricks.upper_neighbours + std::size_t(samples.leaf[i + s]) * 8;
-        const std::int32_t x = cell >> 6, y = cell >> 3 & 7, z = cell & 7;
-        const std::int32_t crossed = (x == 7) * 4 + (y == 7) * 2 + (z == 7);
-        const std::int32_t at_x[2] = {x * 64, ((x + 1) & 7) * 64}, at_y[2] = {y * 8, ((y + 1) & 7) * 8},
-                           at_z[2] = {z, (z + 1) & 7};
         for (int corner = 0; corner < 8; ++corner) {
-            const std::int32_t place =
-                upper[corner & crossed] * 512 + at_x[corner >> 2] + at_y[corner >> 1 & 1] + at_z[corner & 1];
-            places.corner[s][corner] = place;
-            prefetch(bricks.density + place);
+            places.corner[s][corner] =
+                static_cast<std::int32_t>(cornerIndex(bricks, samples.leaf[i + s], samples.cell[i + s], corner));
+            if (corner & 1) prefetch(bricks.density + places.corner[s][corner]);
         }
     }
 }
@@ -288,9 +299,9 @@ using CornerDensities = float[4][2 * kPadding];
 
 /// Plain loads: a gather of so many lanes takes as long as loading each, and pairs are loaded as one.
 HWY_INLINE void loadDensities(const Bricks& bricks, const DensityPlaces& places, CornerDensities& pairs) {
-    for (int s = 0; s < kPadding; ++s)
-        for (int pair = 0; pair < 4; ++pair)
-            __builtin_memcpy(&pairs[pair][2 * s], bricks.density + places.first[s] + kPair[pair], 2 * sizeof(float));
+    for (int pair = 0; pair < 4; ++pair)
+        for (int s = 0; s < kPadding; ++s)
+            __builtin_memcpy(&pairs[pair][2 * s], bricks.density + places.pair[pair][s], 2 * sizeof(float));
     for (std::uint32_t left = places.crossing; left; left &= left - 1) {
         const int s = __builtin_ctz(left);
         for (int corner = 0; corner < 8; ++corner)

@@ -68,13 +68,13 @@ TEST_CASE("a step that meets one voxel of NaN is done with other rays, at a lowe
     TrainState state = freshState();
     RaySource source(sphere(), 11);
     source.update(state.field, state.occupancy);
-    // A voxel in the middle, in front of and behind others: few rays of a small batch meet it.
-    std::size_t middle = 0;
+    // A voxel just inside the sphere, in sight from a side: few rays of a small batch meet it.
+    std::size_t place = 0;
     test::forEachVoxel(state.field.topology(), [&](const Vec3i& ijk, std::size_t i) {
-        if (ijk == Vec3i(16, 16, 16)) middle = i;
+        if (ijk == Vec3i(16, 16, 26)) place = i;
     });
-    REQUIRE(middle > 0);
-    state.field.features()[middle * 8] = kNan;
+    REQUIRE(place > 0);
+    state.field.features()[place * 8] = kNan;
     TrainStepper stepper;
     StepGuard guard;
     int n_recovered = 0;
