@@ -92,27 +92,35 @@ GradientOrder timeGradientOrder(const Model& model, const Dataset& dataset, int 
                           &state.field.density()[first], &state.density_moment[first],
                           &state.field.features()[first * channels], &state.feature_moment[first]);
     };
+    const auto expect = [&](std::size_t leaf, const LeafGradient& gradient) {
+        const std::size_t first = leaf * kLeafVoxels;
+        simd::prefetchLeaf(channels, kStill, field.topology().voxels()[leaf].data(), gradient,
+                           &state.field.density()[first], &state.density_moment[first],
+                           &state.field.features()[first * channels], &state.feature_moment[first]);
+    };
+    const auto pooled = [&](std::size_t leaf) {
+        const std::size_t first = leaf * kLeafVoxels;
+        return LeafGradient{&pool.density[first], &pool.features[first * channels], pool.touched[leaf].data()};
+    };
     const std::vector<std::function<void()>> bodies = {
         [&] {
             for (TileGradients& tile : tiles) tile.bin(field.topology(), channels);
-            scatter.run(field.topology(), channels, tiles,
-                        [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask&) {
-                            move(static_cast<std::size_t>(leaf), gradient);
-                        },
-                        0,
-                        [&](std::int32_t leaf, const LeafGradient& gradient) {
-                            const std::size_t first = static_cast<std::size_t>(leaf) * kLeafVoxels;
-                            simd::prefetchLeaf(channels, kStill, field.topology().voxels()[leaf].data(), gradient,
-                                               &state.field.density()[first], &state.density_moment[first],
-                                               &state.field.features()[first * channels], &state.feature_moment[first]);
-                        });
+            scatter.run(
+                field.topology(), channels, tiles,
+                [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask&) {
+                    move(static_cast<std::size_t>(leaf), gradient);
+                },
+                /*min_seen=*/0,
+                [&](std::int32_t leaf, const LeafGradient& gradient) {
+                    expect(static_cast<std::size_t>(leaf), gradient);
+                });
         },
         [&] {
             for (const TileGradients& tile : tiles) pool.add(bricks, tile);
-            for (const std::size_t leaf : pool.leaves) {
-                const std::size_t first = leaf * kLeafVoxels;
-                move(leaf, {&pool.density[first], &pool.features[first * channels], pool.touched[leaf].data()});
-                pool.is_touched[leaf] = 0;
+            for (std::size_t i = 0; i < pool.leaves.size(); ++i) {
+                if (i + 1 < pool.leaves.size()) expect(pool.leaves[i + 1], pooled(pool.leaves[i + 1]));
+                move(pool.leaves[i], pooled(pool.leaves[i]));
+                pool.is_touched[pool.leaves[i]] = 0;
             }
             pool.leaves.clear();
         }};

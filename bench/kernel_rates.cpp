@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 #include <functional>
+#include <numeric>
 
 #include "bench/repeat.h"
 #include "bench/result_plot.h"
@@ -20,7 +21,8 @@ namespace nerfvdb {
 namespace {
 
 constexpr int kTileEdge = 16, kTileRays = kTileEdge * kTileEdge;
-constexpr int kSamplesPerRay = 32;
+constexpr int kStepsPerRound = 32;
+constexpr int kMostSamples = 128 * kTileRays;  // of a tile
 constexpr int kHidden = kDecoderWidth;  // width of the network's layers
 constexpr float kStep = 0.5f;
 constexpr double kExp = 10;  // operations that an exponential counts as
@@ -123,11 +125,26 @@ public:
         adam_first, adam_second;
     HugeArray<float> copy_from, copy_to;
 
-    /// To the leaves that the rays meet first.
+    /// Every ray to its end, leaf by leaf, or until there are as many samples as a tile has room for.
     void marchTile(const KernelSet& kernels, Tile& tile) const {
         std::fill(tile.next.begin(), tile.next.end(), 0);
-        tile.n = kernels.march(bricks, tile.rays(), kStep, kSamplesPerRay, tile.alive.data(), kTileRays,
-                               tile.begin.data(), tile.samples());
+        std::iota(tile.alive.begin(), tile.alive.end(), 0);
+        tile.n = 0;
+        for (int n_alive = kTileRays; n_alive > 0 && tile.n + n_alive * kStepsPerRound <= kMostSamples;) {
+            const SampleArrays all = tile.samples();
+            const int n = kernels.march(bricks, tile.rays(), kStep, kStepsPerRound, tile.alive.data(), n_alive,
+                                        tile.begin.data(),
+                                        {all.leaf + tile.n, all.cell + tile.n, all.x + tile.n, all.y + tile.n,
+                                         all.z + tile.n, all.t + tile.n});
+            int n_left = 0;
+            for (int a = 0; a < n_alive; ++a) {
+                const std::int32_t r = tile.alive[a];
+                std::fill(&tile.ray[tile.n + tile.begin[a]], &tile.ray[tile.n + tile.begin[a + 1]], r);
+                if (tile.next[r] >= 0) tile.alive[n_left++] = r;
+            }
+            tile.n += n;
+            n_alive = n_left;
+        }
     }
 
 private:
@@ -144,8 +161,7 @@ private:
                 array->assign(kTileRays + kPadding, 0.0f);
             for (auto* array : {&tile.next, &tile.alive, &tile.begin})
                 array->assign(kTileRays + 1 + kPadding, 0);
-            const std::size_t most =
-                static_cast<std::size_t>(kTileRays) * kSamplesPerRay + kPadding;
+            constexpr std::size_t most = kMostSamples + kPadding;
             for (auto* array : {&tile.leaf, &tile.cell, &tile.ray}) array->assign(most, 0);
             for (auto* array : {&tile.x, &tile.y, &tile.z, &tile.t, &tile.raw, &tile.tau, &tile.alpha,
                                 &tile.decay, &tile.dots})
@@ -158,8 +174,6 @@ private:
                 addRay(tile, r, cameraRay(camera, px + 0.5, py + 0.5));
             }
             marchTile(kReference, tile);
-            for (int r = 0; r < kTileRays; ++r)
-                for (int i = tile.begin[r]; i < tile.begin[r + 1]; ++i) tile.ray[i] = r;
             n_samples += tile.n;
             tiles.push_back(std::move(tile));
         }
@@ -181,7 +195,6 @@ private:
         tile.oz[r] = static_cast<float>(entry.z()), tile.dz[r] = static_cast<float>(ray.direction.z());
         tile.length[r] = leave > enter ? static_cast<float>(leave - enter) : 0.0f;
         tile.offset[r] = 0.5f * kStep;
-        tile.alive[r] = r;
     }
 
     /// One leaf that many samples reach into, and what its optimiser step needs.

@@ -23,8 +23,8 @@ struct KernelOptions {
 /// Bytes are those that an item reads and writes, each once, were nothing in a cache; operations are the
 /// additions and multiplications of the formula, an exponential counting as ten. Both are nominal: ratios
 /// between instruction sets and between runs are what the figures are for. The last row is a plain copy of 64
-/// MiB, as a yardstick of memory. Scene: the procedural sphere's voxels, seen by a camera; the samples are the
-/// first eight of each ray.
+/// MiB, as a yardstick of memory. Scene: the procedural sphere's voxels, seen by a camera; the samples are
+/// those of whole rays, the march the one to all of them.
 BenchResult benchKernels(const KernelOptions& options, Report& report);
 
 Plot kernelPlot(const BenchResult& result);

@@ -65,7 +65,7 @@ std::vector<Timing> timeInTurn(std::span<const std::function<void()>> bodies, co
             do {
                 bodies[b]();
                 ++calls;
-            } while (watch.wallSeconds() < options.min_sample_s);
+            } while (watch.wallSeconds() < options.min_sample_s || calls % options.calls != 0);
             watch.pause();
             timings[b].wall_s.push_back(watch.wallSeconds() / calls);
             timings[b].cpu_s.push_back(watch.cpuSeconds() / calls);

@@ -32,7 +32,8 @@ struct Timing {
 
 struct RepeatOptions {
     int repeats = 5;
-    double min_sample_s = 0;  // a repeat calls the body until this much time is over, and takes the mean
+    double min_sample_s = 0;  // a repeat calls the body until this much time is over, and takes the mean ...
+    int calls = 1;            // ... of a multiple of so many calls
     bool warm_up = true;      // call each body once before anything is timed
 };
 

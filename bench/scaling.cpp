@@ -93,6 +93,7 @@ BenchResult benchScaling(const Subject& subject, const ScalingOptions& options, 
                       {"speedup", "", Better::higher, Noise::noisy, 0.03, 0}};
 
     TrainingProbe probe(subject.model, subject.train);
+    const StepReport first_step = probe.step(options.batches.back());
     std::vector<Work> works;
     for (const int batch : options.batches)
         works.push_back({"training, " + std::to_string(batch) + " rays", static_cast<double>(batch),
@@ -118,7 +119,8 @@ BenchResult benchScaling(const Subject& subject, const ScalingOptions& options, 
             });
     constexpr double kSampleSeconds = 0.05;  // a step of 512 rays takes but a few milliseconds
     const std::vector<Timing> timings =
-        timeInTurn(bodies, {.repeats = options.repeats, .min_sample_s = kSampleSeconds}, "scaling", report);
+        timeInTurn(bodies, {.repeats = options.repeats, .min_sample_s = kSampleSeconds, .calls = kSmoothEvery}, "scaling",
+                   report);
 
     for (std::size_t w = 0; w < works.size(); ++w) {
         const Timing* const timing = &timings[w * counts.size()];  // one entry per number of threads
@@ -142,11 +144,10 @@ BenchResult benchScaling(const Subject& subject, const ScalingOptions& options, 
         result.figures.emplace_back(kPrediction + works[w].series, amdahlSpeedup(share, kPredicted));
     }
     addGradientOrder(subject, options, report, result);
-    const StepReport step = probe.step(options.batches.back());
     result.figures.emplace_back(
         "share of training rays that meet something",
-        1 - static_cast<double>(step.trace.rays_skipped) / static_cast<double>(step.rays));
-    result.notes.push_back("training steps repeat the same rays with all rates zero, on the finished model");
+        1 - static_cast<double>(first_step.trace.rays_skipped) / static_cast<double>(first_step.rays));
+    result.notes.push_back("training steps are done with all rates zero, on the finished model");
     return result;
 }
 

@@ -156,7 +156,7 @@ void benchSteps(const Subject& subject, const Unskipped& unskipped, const SkipOp
         bodies.push_back([&step, &options] { step.probe.step(options.batch, step.trace); });
     }
     const std::vector<Timing> timings =
-        timeInTurn(bodies, {.repeats = options.repeats, .min_sample_s = 0.05}, "training steps", report);
+        timeInTurn(bodies, {.repeats = options.repeats, .min_sample_s = 0.05, .calls = kSmoothEvery}, "training steps", report);
     const auto useful = [](const TraceCounters& c) {
         return static_cast<double>(std::max<std::uint64_t>(c.rays - c.rays_skipped, 1)) /
                static_cast<double>(c.rays);
@@ -242,7 +242,7 @@ BenchResult benchSkip(const Subject& subject, const SkipOptions& options, Report
                            " steps, timed once; samples and PSNR are those of its model's held-out views");
     result.notes.push_back("a whole training without all of these: a dense grid of at most 128 voxels a side, and the same steps "
                            "with skipping");
-    result.notes.push_back("training steps repeat the same rays with all rates zero, on the finished model");
+    result.notes.push_back("training steps are done with all rates zero, on the finished model");
     return result;
 }
 

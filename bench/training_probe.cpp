@@ -23,7 +23,7 @@ TrainingProbe::TrainingProbe(const Model& model, const Dataset& dataset, float m
 
 StepReport TrainingProbe::step(int batch, const TraceOptions& trace) {
     const StepRates still{.density = 0, .features = 0, .network = 0};
-    return stepper_.step(state_, source_, 0, batch, still, trace);
+    return stepper_.step(state_, source_, n_steps_++, batch, still, trace);
 }
 
 }  // namespace nerfvdb

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Training steps that can be repeated: a trained model learns on with all rates zero, so that every step does
-// the full work of a step and none changes what the next one sees.
+// Training steps that change nothing: a trained model learns on with all rates zero, so that every step does the
+// full work of a step and leaves the next one the same values.
 #pragma once
 
 #include "trainer/train_step.h"
@@ -14,7 +14,8 @@ public:
     /// Keeps references to the data set and, through the ray source, to nothing else.
     TrainingProbe(const Model& model, const Dataset& dataset, float min_alpha = 0);
 
-    /// One step of `batch` rays, the same rays each time.
+    /// One step of `batch` rays, other ones each time, so that what they need is not in the cache already; the n-th step of
+    /// any two probes draws the same, if the same pixels can be drawn.
     StepReport step(int batch, const TraceOptions& trace = {});
 
     TrainState& state() { return state_; }
@@ -24,6 +25,7 @@ private:
     TrainState state_;
     RaySource source_;
     TrainStepper stepper_;
+    std::uint64_t n_steps_ = 0;
 };
 
 }  // namespace nerfvdb

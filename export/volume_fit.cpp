@@ -83,8 +83,8 @@ double VolumeFit::differentiate(int step) {
     return sum / static_cast<double>(tiles_.size() * kTileRays);
 }
 
-void VolumeFit::gradients(const LeafScatter::UseLeaf& use) {
-    scatter_.run(volume_.topology(), kChannels, tiles_, use);
+void VolumeFit::gradients(const LeafScatter::UseLeaf& use, const LeafScatter::ExpectLeaf& expect) {
+    scatter_.run(volume_.topology(), kChannels, tiles_, use, /*min_seen=*/0, expect);
 }
 
 void VolumeFit::drawRays(int step, std::size_t tile, std::vector<Ray>& rays) const {
@@ -161,6 +161,10 @@ void VolumeFit::move(int step) {
                 color[c] = root[c] * root[c];
             }
         });
+    }, [&](std::int32_t leaf, const LeafGradient& gradient) {
+        const std::size_t first = static_cast<std::size_t>(leaf) * kLeafVoxels;
+        simd::prefetchLeaf(kChannels, rates, volume_.topology().voxels()[leaf].data(), gradient, &log_sigma_[first],
+                           &density_moment_[first], &root_color_[first * kChannels], &color_moment_[first]);
     });
 }
 

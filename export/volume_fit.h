@@ -42,7 +42,7 @@ public:
     double differentiate(int step);
     /// ... which stands here, times the number of rays: of sigma and linear colour, leaf by leaf as LeafScatter::run
     /// hands it out, once.
-    void gradients(const LeafScatter::UseLeaf& use);
+    void gradients(const LeafScatter::UseLeaf& use, const LeafScatter::ExpectLeaf& expect = {});
 
 private:
     void drawRays(int step, std::size_t tile, std::vector<Ray>& rays) const;

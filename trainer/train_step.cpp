@@ -10,9 +10,6 @@
 namespace nerfvdb {
 namespace {
 
-// Voxels are pulled towards their neighbours at every so many steps, as many times as far: what neighbours hold is a
-// third of all that an update reads.
-constexpr int kSmoothEvery = 4;
 constexpr float kLeastSky = 1e-3f;  // rays to which less light comes from the sky say nothing about it
 constexpr float kLargestGradient = 1e15f;  // of a ray: squares of sums over a batch stay finite in moments
 
@@ -36,18 +33,20 @@ StepReport TrainStepper::step(TrainState& state, const RaySource& source, std::u
     const float smoothing = step % kSmoothEvery == 0 ? kSmoothEvery : 0;
     const RmsPropRates voxel_rates{rates.density, rates.features, rates.decay, rates.epsilon, rates.sparsity,
                                    smoothing * rates.density_smoothing, smoothing * rates.feature_smoothing};
-    voxelGradients(state, [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask& seen) {
+    const auto expect = [&](std::int32_t leaf, const LeafGradient& gradient) {
+        const std::size_t first = static_cast<std::size_t>(leaf) * kLeafVoxels;
+        simd::prefetchLeaf(channels, voxel_rates, state.field.topology().voxels()[leaf].data(), gradient,
+                           &state.field.density()[first], &state.density_moment[first],
+                           &state.field.features()[first * channels], &state.feature_moment[first]);
+    };
+    const auto move = [&](std::int32_t leaf, const LeafGradient& gradient, const LeafMask& seen) {
         const std::size_t first = static_cast<std::size_t>(leaf) * kLeafVoxels;
         simd::rmsPropLeaf(channels, voxel_rates, state.field.topology().voxels()[leaf].data(), gradient,
                           &state.field.density()[first], &state.density_moment[first],
                           &state.field.features()[first * channels], &state.feature_moment[first]);
         for (int word = 0; word < kLeafWords; ++word) state.seen[leaf][word] |= seen[word];
-    }, [&](std::int32_t leaf, const LeafGradient& gradient) {
-        const std::size_t first = static_cast<std::size_t>(leaf) * kLeafVoxels;
-        simd::prefetchLeaf(channels, voxel_rates, state.field.topology().voxels()[leaf].data(), gradient, &state.field.density()[first],
-                           &state.density_moment[first], &state.field.features()[first * channels],
-                           &state.feature_moment[first]);
-    });
+    };
+    voxelGradients(state, move, expect);
     state.network.step(state.decoder.parameters(), dl_dnetwork, rates.network);
     if (!state.sky.isEmpty()) {
         state.sky_optimizer.step(state.sky.values(), skyGradient(state.sky), rates.sky);
@@ -60,8 +59,9 @@ StepReport TrainStepper::step(TrainState& state, const RaySource& source, std::u
 
 StepReport TrainStepper::differentiate(const TrainState& state, const RaySource& source, std::uint64_t step,
                                        int batch, const TraceOptions& trace) {
-    // Tiles small enough that a coarse batch still feeds every core; their size follows from the batch alone.
-    const int tile_rays = std::clamp(batch / 32, 64, kMaxTileRays);
+    // Tiles small enough that a coarse batch still feeds eight cores, but no smaller: gradients of the network cost as
+    // much for a few rays as for many. Their size follows from the batch alone.
+    const int tile_rays = std::clamp(batch / 8, 64, kMaxTileRays);
     n_tiles_ = static_cast<std::size_t>((batch + tile_rays - 1) / tile_rays);
     if (tiles_.size() < n_tiles_) tiles_.resize(n_tiles_);
     if (gradients_.size() < n_tiles_) gradients_.resize(n_tiles_);

@@ -17,6 +17,10 @@
 
 namespace nerfvdb {
 
+/// Voxels are pulled towards their neighbours at every so many steps, as many times as far: what neighbours hold is a third
+/// of all that an update reads.
+inline constexpr int kSmoothEvery = 4;
+
 /// How far parameters move in one step.
 struct StepRates {
     float density = 0.2f;

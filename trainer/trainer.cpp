@@ -255,10 +255,19 @@ void Training::replanForTime() {
     const double voxels = static_cast<double>(state_.field.topology().voxelCount());
     const double reserve = kSaveSeconds + kSaveSecondsPerVoxel * voxels;
     const double left = *options_.time_s - options_.elapsed_s - clock_.seconds() - reserve;
-    if (place_.stage == 0) {
-        const auto raysAt = [&](int level) { return left * stage().batch / (step_seconds_ * relativeRayCost(level)); };
-        const int levels = options_.voxel_size ? max_levels_ : levelsForRays(raysAt(2), max_levels_);
-        place_.stages = defaultStages(levels, raysAt(levels - 1), carvedSpace());
+    // The first rays, in fog, cost twice what later ones do: whether there is time for the finest voxels is asked again
+    // where voxels become small.
+    const bool enters_level = place_.stage == 0 || place_.stages[place_.stage - 1].level != stage().level;
+    if (place_.stage == 0 || (stage().level == kMaxLevels - 2 && enters_level)) {
+        const auto raysAt = [&](int level) {
+            return left * stage().batch * relativeRayCost(stage().level) / (step_seconds_ * relativeRayCost(level));
+        };
+        const int levels = options_.voxel_size ? max_levels_ : levelsForRays(raysAt(kMaxLevels - 2), max_levels_);
+        if (place_.stage == 0 || levels > place_.stages.back().level + 1) {
+            std::vector<Stage> stages = defaultStages(levels, raysAt(levels - 1), carvedSpace());
+            std::copy_n(place_.stages.begin(), place_.stage, stages.begin());
+            place_.stages = std::move(stages);
+        }
     }
     planTime(place_.stages, place_.stage, place_.step_in_stage, step_seconds_, left);
     report_.replan(totalSteps());

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vdb/leaf_scatter.h"
 
-#include <algorithm>
 #include <bit>
 
 namespace nerfvdb {
@@ -20,13 +19,14 @@ void TileGradients::bin(const Topology& topology, int channels) {
     const std::int32_t* const upper = topology.upperNeighbours().data();
     const auto n = static_cast<std::size_t>(kept.n);
     if (samples.size() < n) samples.resize(n + n / 2);
-    if (unsorted_.size() < 8 * n) unsorted_.resize(12 * n);
     part_begin.fill(0);
     std::size_t n_touches = 0;
     for (std::size_t i = 0; i < n; ++i) {
         const int cell = kept.cell[i];
-        samples[i] = {cell,           kept.x[i],       kept.y[i], kept.z[i],
-                      kept.weight[i], kept.dl_draw[i], &dl_dray_features[static_cast<std::size_t>(kept.ray[i]) * channels]};
+        samples[i] = {cell,           kept.x[i],       kept.y[i],
+                      kept.z[i],      kept.weight[i],  kept.dl_draw[i],
+                      &dl_dray_features[static_cast<std::size_t>(kept.ray[i]) * channels]};
+        if (unsorted_.size() < n_touches + 8) unsorted_.resize(n_touches + n_touches / 2 + n);
         const unsigned crossed = (cell >> 6 == 7) * 4 + ((cell >> 3 & 7) == 7) * 2 + ((cell & 7) == 7);
         for (unsigned corner = crossed;; corner = (corner - 1) & crossed) {  // all subsets of its bits
             const std::int32_t leaf = upper[static_cast<std::size_t>(kept.leaf[i]) * 8 + corner];
@@ -46,11 +46,13 @@ void LeafScatter::run(const Topology& topology, int channels, std::span<const Ti
     const int shift = partShift(topology);
     parallelFor(kScatterParts, [&](std::size_t part) {
         Scratch& scratch = scratch_.local();
-        for (Summed& summed : scratch.summed)
+        for (Summed& summed : scratch.summed) {
+            summed.leaf = -1;  // whatever an exception left
             if (summed.features.size() < static_cast<std::size_t>(kLeafVoxels) * channels) {
                 summed.density = HugeArray<float>(kLeafVoxels);
                 summed.features = HugeArray<float>(static_cast<std::size_t>(kLeafVoxels) * channels);
             }
+        }
 
         // Sort the part's touches by leaf; counting keeps the order of tiles and samples.
         const std::int32_t first_leaf = static_cast<std::int32_t>(part) << shift;

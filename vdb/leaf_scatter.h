@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The adjoint of reading the grid, without a grid of gradients. Samples are binned by the leaves that they touch;
-// each leaf is then summed by one task, in the order of the rays, in a buffer that fits the first-level cache,
-// and handed on to be used at once. So sums do not depend on the number of threads, nothing is locked, and
-// no gradient ever travels to main memory.
+// each leaf is then summed by one task, in the order of the rays, in a buffer that fits the nearest caches, and
+// handed on as soon as the next one has been summed. So sums do not depend on the number of threads, nothing is
+// locked, and no gradient ever travels to main memory.
 #pragma once
 
 #include <array>
@@ -16,21 +16,22 @@
 
 namespace nerfvdb {
 
-inline constexpr int kScatterParts = 64;  // ranges of leaves, the tasks of a scatter
+inline constexpr int kScatterParts = 128;  // ranges of leaves, the tasks of a scatter
 
 /// What one tile of rays leaves behind. Moved, not copied: samples point into it.
 struct TileGradients {
     KeptSamples kept;
     std::vector<float> dl_dray_features;  // [ray][channels]
 
-    std::vector<SampleGradient> samples;  // [kept], by what leaves need: they are met in a leaf's order, not in a ray's
+    // What leaves need to know of each sample, side by side: they are met in a leaf's order, not in a ray's. [kept.n] and more
+    std::vector<SampleGradient> samples;
 
     /// One sample in one leaf, see LeafContribution.
     struct Touch {
         std::int32_t leaf;
         std::uint32_t sample : 29, corner : 3;
     };
-    std::vector<Touch> touches;                              // sorted by part, in sample order inside
+    std::vector<Touch> touches;  // [part_begin.back()] and more, sorted by part, in sample order inside
     std::array<std::uint32_t, kScatterParts + 1> part_begin{};
 
     /// Fills samples and touches from kept. dl_dray_features must stay where it is until they have been summed.
@@ -51,7 +52,7 @@ public:
     /// left cleared, as rmsPropLeaf does; `seen` has the bits of the leaf's own cells that hold a kept sample
     /// of at least `min_seen` weight.
     using UseLeaf = std::function<void(std::int32_t leaf, const LeafGradient& gradient, const LeafMask& seen)>;
-    /// Called before, and while another leaf is still to be summed: time for what UseLeaf will read to arrive.
+    /// Called before, mostly with another leaf to be summed in between: time for what UseLeaf will read to arrive.
     using ExpectLeaf = std::function<void(std::int32_t leaf, const LeafGradient& gradient)>;
     void run(const Topology& topology, int channels, std::span<const TileGradients> tiles, const UseLeaf& use,
              float min_seen = 0, const ExpectLeaf& expect = {});

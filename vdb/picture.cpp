@@ -43,8 +43,10 @@ RenderedImage renderPicture(const TraceScene& scene, const TraceOptions& options
                             const ShadeTile& shade) {
     const std::string problem = cameraProblem(camera);
     if (!problem.empty()) throw DataError("camera: " + problem);
-    if (!(options.step_voxels > 0) || !std::isfinite(options.step_voxels))
-        throw UsageError("rendering: step", std::to_string(options.step_voxels) + " voxels", "a positive number");
+    // Smaller steps than this would be more along a ray than a float can number.
+    constexpr float kLeastStep = 1e-3f;
+    if (!(options.step_voxels >= kLeastStep) || !std::isfinite(options.step_voxels))
+        throw UsageError("rendering: step", std::to_string(options.step_voxels) + " voxels", "a number, at least 0.001");
 
     const int width = camera.width, height = camera.height;
     RenderedImage result;

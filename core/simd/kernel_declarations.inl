@@ -2,10 +2,10 @@
 // Included by kernels.h, once per namespace.
 
 /// Walks each of the rays named in `alive` to its next leaf with occupied cells, and through that leaf for at most
-/// `max_per_ray` steps. Samples of alive[a], those in occupied cells, are [begin[a], begin[a + 1]) in order along the ray;
-/// there may be none. Where the ray is to go on stands in next, -1 if it has ended. Empty leaves are jumped by the
-/// distances in skip_nodes and skip_leaves, empty cells are tested by bit. Returns the number of samples; `out` must hold
-/// n_alive * max_per_ray.
+/// `max_per_ray` steps. Samples of alive[a], those in occupied cells, are [begin[a], begin[a + 1]) in order along
+/// the ray; there may be none. Where the ray is to go on stands in next, -1 if it has ended. Empty leaves are
+/// jumped by the distances in skip_nodes and skip_leaves, empty cells are tested by bit. Needs length / step of at
+/// most 2^24. Returns the number of samples; `out` must hold n_alive * max_per_ray.
 int marchRays(const Bricks& bricks, const RayTile& rays, float step, int max_per_ray,
               const std::int32_t* alive, int n_alive, std::int32_t* begin, const SampleArrays& out);
 
@@ -28,8 +28,7 @@ void featuresForward(const Bricks& bricks, int n, const SampleArrays& samples, c
 void rowDots(int n, int channels, const float* features, const std::int32_t* ray, const float* ray_features,
              float* out);
 
-/// Adjoint of the trilinear reads, for one leaf: adds every contribution to the corners that lie in the leaf (which
-/// leaf that is, is the caller's business).
+/// Adjoint of the trilinear reads, for one leaf: adds every contribution to the corners that lie in the leaf.
 ///   density gradient += corner_weight * dl_draw,  feature gradient += corner_weight * weight * dl_dfeatures
 void accumulateLeaf(int n, const LeafContribution* contributions, int channels, const LeafGradient& gradient);
 

@@ -16,7 +16,6 @@
 namespace nerfvdb {
 
 inline constexpr int kPadding = 16;  // elements; one 512-bit vector of floats
-inline constexpr int kLeafMaskWords = 16;  // of 32 bits, for the cells of a leaf
 
 /// Sparse bricks of 8^3 values as plain arrays; see vdb/topology.h for the words.
 struct Bricks {
@@ -74,7 +73,7 @@ struct alignas(32) SampleGradient {
 /// One sample in one leaf. `corner` (bits x, y, z) says by which faces the sample's cell reaches into it.
 struct LeafContribution {
     const SampleGradient* sample;
-    std::int32_t leaf;
+    std::int32_t leaf;               // for whoever sorts; kernels do not read it
     std::uint32_t corner;
 };
 

@@ -124,6 +124,8 @@ HWY_INLINE void findLeaves(const Bricks& bricks, const RayTile& rays, float step
     }
 }
 
+constexpr int kLeafMaskWords = 16;  // of 32 bits, for the cells of a leaf
+
 /// 32 bits of a leaf's mask for each lane; `words` holds all of it if it fits one vector.
 HWY_INLINE IntVec maskWords(const std::int32_t* bits, IntVec words, IntVec word) {
     if constexpr (kLanes == kLeafMaskWords)
@@ -154,7 +156,8 @@ int marchRays(const Bricks& bricks, const RayTile& rays, float step, int max_per
         }
 
         const std::int32_t k_first = visits.k[slot];
-        const std::int32_t k_end = visits.k_exit[slot] - k_first < max_per_ray ? visits.k_exit[slot] : k_first + max_per_ray;
+        const std::int32_t n_steps = visits.k_exit[slot] - k_first;
+        const std::int32_t k_end = k_first + (n_steps < max_per_ray ? n_steps : max_per_ray);
         const std::int32_t* const bits = reinterpret_cast<const std::int32_t*>(bricks.occupied + std::size_t(leaf) * 8);
         const IntVec words = hn::LoadU(kInt, bits);
         const FloatVec dx = hn::Set(kFloat, rays.dx[r]), lx = hn::Set(kFloat, visits.x[slot]);
@@ -257,7 +260,8 @@ HWY_INLINE void findDensities(const Bricks& bricks, const SampleArrays& samples,
     places.crossing = 0;
     for (int lane = 0; lane < kPadding; lane += kLanes) {
         const IntVec leaf = hn::LoadU(kInt, samples.leaf + i + lane), cell = hn::LoadU(kInt, samples.cell + i + lane);
-        const IntVec x = hn::ShiftRight<6>(cell), y = hn::And(hn::ShiftRight<3>(cell), seven), z = hn::And(cell, seven);
+        const IntVec x = hn::ShiftRight<6>(cell), y = hn::And(hn::ShiftRight<3>(cell), seven);
+        const IntVec z = hn::And(cell, seven);
         const IntVec at_x[2] = {hn::ShiftLeft<6>(x), hn::ShiftLeft<6>(hn::And(hn::Add(x, one), seven))};
         const IntVec at_y[2] = {hn::ShiftLeft<3>(y), hn::ShiftLeft<3>(hn::And(hn::Add(y, one), seven))};
         const IntVec at_z = hn::Min(z, hn::Set(kInt, 6));  // of a pair that lies in the leaf, whether it is the right one

@@ -200,9 +200,12 @@ TEST_CASE("gradients of one leaf: fast = reference, and the same voxels are touc
         std::vector<SampleGradient> samples;
         std::vector<LeafContribution> contributions;
         for (int i = 0; i < kSamples; ++i) {
-            const LeafPlace place = randomLeafPlace(41, i);
+            // Two or three after each other in one cell and of one ray, but some of another ray, some by other corners.
+            LeafPlace place = randomLeafPlace(41, i / 3);
+            const int ray = i % 5 == 1 ? i : i / 3;
+            if (i % 7 == 2) place.corner = 0;
             samples.push_back({place.cell, randomIn(0, 1, 42, i), randomIn(0, 1, 43, i), randomIn(0, 1, 44, i),
-                               randomIn(0, 1, 45, i), randomIn(-1, 1, 46, i), &dl_dfeatures[i * channels]});
+                               randomIn(0, 1, 45, i), randomIn(-1, 1, 46, i), &dl_dfeatures[ray * channels]});
             contributions.push_back({nullptr, 0, place.corner});
         }
         for (int i = 0; i < kSamples; ++i) contributions[i].sample = &samples[i];
@@ -218,16 +221,18 @@ TEST_CASE("gradients of one leaf: fast = reference, and the same voxels are touc
         forEachTarget([&] {
             Sums fast(channels);
             simd::accumulateLeaf(kSamples, contributions.data(), channels, fast.view());
-            // No voxel meets more than 20 of these samples with weights that sum to more than 4.
-            CHECK(countWrong(fast.density, slow.density, 512, 4) == 0);
-            CHECK(countWrong(fast.features, slow.features, 512 * channels, 4) == 0);
+            // No voxel meets more than 30 of these samples with weights that sum to more than 8.
+            CHECK(countWrong(fast.density, slow.density, 512, 8) == 0);
+            CHECK(countWrong(fast.features, slow.features, 512 * channels, 8) == 0);
             CHECK(fast.touched == slow.touched);
         });
     }
 }
 
 TEST_CASE("RMSprop of one leaf: fast = reference; untouched voxels keep everything, gradients are cleared") {
-    const RmsPropRates rates{0.3f, 0.03f, 0.95f, 1e-4f, 0.02f, 0.4f, 0.5f};
+    const auto smoothing = GENERATE(std::pair{0.4f, 0.5f}, std::pair{0.0f, 0.0f}, std::pair{0.4f, 0.0f}, std::pair{0.0f, 0.5f});
+    const RmsPropRates rates{0.3f, 0.03f, 0.95f, 1e-4f, 0.02f, smoothing.first, smoothing.second};
+    CAPTURE(rates.density_smoothing, rates.feature_smoothing);
     for (const int channels : {4, 8, 16}) {
         CAPTURE(channels);
         struct Leaf {

@@ -17,12 +17,12 @@ using test::randomIn;
 namespace {
 
 const Vec3i kDims(40, 32, 48);
-constexpr float kStep = 0.5f;
-
 /// Rays in index space; each runs from its origin to where it leaves the box.
 struct Rays {
     std::vector<float> ox, oy, oz, dx, dy, dz, length, offset;
     std::vector<std::int32_t> next, alive;
+
+    float step = 0.5f;
 
     void add(const Vec3d& origin, const Vec3d& direction, float first) {
         const Vec3d unit = direction.normalized(), box = (kDims - Vec3i::Ones()).cast<double>();
@@ -35,13 +35,14 @@ struct Rays {
             (axis == 0 ? dx : axis == 1 ? dy : dz).push_back(static_cast<float>(unit[axis]));
         }
         length.push_back(static_cast<float>(std::max(leaves, 0.0)));
-        offset.push_back(first * kStep);
+        offset.push_back(first * step);
         next.push_back(0);
         alive.push_back(static_cast<std::int32_t>(alive.size()));
     }
     std::size_t size() const { return length.size(); }
-    /// Parallel to an axis from a whole-numbered origin: every coordinate is exact, on faces too.
+    /// Parallel to an axis from a whole-numbered origin, in steps of few digits: every coordinate is exact, on faces too.
     bool isExact(std::size_t r) const {
+        if (step * 2 != std::round(step * 2)) return false;
         const Vec3f origin(ox[r], oy[r], oz[r]), direction(dx[r], dy[r], dz[r]);
         return origin == Vec3f(origin.array().round()) && direction.cwiseAbs().maxCoeff() == 1;
     }
@@ -60,8 +61,9 @@ struct Rays {
 };
 
 /// Origins on and in the box, directions of all kinds.
-Rays mixedRays() {
+Rays mixedRays(float step = 0.5f) {
     Rays rays;
+    rays.step = step;
     const Vec3d box = (kDims - Vec3i::Ones()).cast<double>();
     const auto inBox = [&](std::uint64_t i) {
         Vec3d p;
@@ -111,7 +113,7 @@ std::vector<std::vector<Found>> march(decltype(&simd::marchRays) kernel, const T
     while (!alive.empty()) {
         const std::size_t n_alive = alive.size();
         alive.resize(n_alive + kPadding);
-        const int n = kernel(bricks, rays.tile(progress), kStep, max_per_ray, alive.data(),
+        const int n = kernel(bricks, rays.tile(progress), rays.step, max_per_ray, alive.data(),
                              static_cast<int>(n_alive), begin.data(),
                              {leaf.data(), cell.data(), x.data(), y.data(), z.data(), t.data()});
         alive.resize(n_alive);
@@ -144,11 +146,11 @@ bool isNearFace(const Vec3d& p) { return ((p.array() - p.array().round()).abs() 
 
 /// Samples that only one of two walks found, or that both put at different places; a sample within rounding of
 /// a cell's face may belong to either side, and so be found by one alone, unless coordinates are exact.
-int countDifferent(const std::vector<Found>& a, const std::vector<Found>& b, bool is_exact) {
+int countDifferent(const std::vector<Found>& a, const std::vector<Found>& b, bool is_exact, float step) {
     int different = 0;
     std::size_t i = 0, j = 0;
     while (i < a.size() || j < b.size()) {
-        if (i < a.size() && j < b.size() && std::abs(a[i].t - b[j].t) < 0.25 * kStep) {
+        if (i < a.size() && j < b.size() && std::abs(a[i].t - b[j].t) < 0.25 * step) {
             different += (a[i++].position - b[j++].position).cwiseAbs().maxCoeff() > kRounding;
         } else if (j == b.size() || (i < a.size() && a[i].t < b[j].t)) {
             different += !isNearFace(a[i++].position) || is_exact;
@@ -162,25 +164,26 @@ int countDifferent(const std::vector<Found>& a, const std::vector<Found>& b, boo
 }  // namespace
 
 TEST_CASE("marching finds exactly the samples of a plain walk, for any occupancy, direction and round length") {
-    Rays rays = mixedRays();
+    const float step = GENERATE(0.5f, 0.05f, 0.3f, 4.0f);
+    Rays rays = mixedRays(step);
     for (const double share : {0.001, 0.02, 0.3, 1.0}) {
         const VoxelField field = test::randomField(kDims, 4, share, -1.0f, 1.0f, 80);
         const Topology& topology = field.topology();
         const Occupancy occupancy =
             occupancyFromCells(topology, {topology.cells().begin(), topology.cells().end()});
         const Bricks bricks = bricksOf(field, occupancy);
-        const auto expected = march(&reference::marchRays, topology, bricks, rays, 1000);
+        const auto expected = march(&reference::marchRays, topology, bricks, rays, 10000);
         std::size_t n_expected = 0;
         for (const auto& ray : expected) n_expected += ray.size();
-        REQUIRE(n_expected > (share > 0.01 ? 100 : 0));
+        REQUIRE(static_cast<double>(n_expected) > (share > 0.01 ? 50 / step : 0));
 
         test::forEachTarget([&] {
             for (const int max_per_ray : {1, 8, 1000}) {
-                CAPTURE(share, max_per_ray);
+                CAPTURE(step, share, max_per_ray);
                 const auto found = march(&simd::marchRays, topology, bricks, rays, max_per_ray);
                 int different = 0;
                 for (std::size_t r = 0; r < rays.size(); ++r)
-                    different += countDifferent(expected[r], found[r], rays.isExact(r));
+                    different += countDifferent(expected[r], found[r], rays.isExact(r), step);
                 CHECK(different == 0);
             }
         });

@@ -39,6 +39,24 @@ std::vector<std::vector<int>> drawMany(const Dataset& dataset, int n_rays) {
 
 }  // namespace
 
+TEST_CASE("rays drawn together are those drawn one by one") {
+    const Dataset dataset = test::sphereDataset(Split::train, 3, kSize);
+    RaySource source(dataset, 3);
+    source.useAll();
+    std::vector<TrainingRay> together(300);
+    source.draw(7, 100, together);
+    for (std::size_t i = 0; i < together.size(); ++i) {
+        const TrainingRay alone = source.draw(7, 100 + i);
+        REQUIRE(together[i].view == alone.view);
+        REQUIRE(together[i].x == alone.x);
+        REQUIRE(together[i].y == alone.y);
+        REQUIRE(together[i].bits == alone.bits);
+        REQUIRE(together[i].jitter == alone.jitter);
+        REQUIRE(together[i].rgba == alone.rgba);
+        REQUIRE(together[i].ray.direction == alone.ray.direction);
+    }
+}
+
 TEST_CASE("rays are drawn from pixels that count alone, and from all of those alike") {
     Dataset dataset = test::sphereDataset(Split::train, 3, kSize);
     PixelMask mask(kSize, kSize);
