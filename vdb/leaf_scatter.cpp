@@ -26,7 +26,7 @@ void TileGradients::bin(const Topology& topology, int channels) {
         samples[i] = {cell,           kept.x[i],       kept.y[i],
                       kept.z[i],      kept.weight[i],  kept.dl_draw[i],
                       &dl_dray_features[static_cast<std::size_t>(kept.ray[i]) * channels]};
-        if (unsorted_.size() < n_touches + 8) unsorted_.resize(n_touches + n_touches / 2 + n);
+        if (unsorted_.size() < n_touches + 8) unsorted_.resize(n_touches + n_touches / 2 + n + 8);
         const unsigned crossed = (cell >> 6 == 7) * 4 + ((cell >> 3 & 7) == 7) * 2 + ((cell & 7) == 7);
         for (unsigned corner = crossed;; corner = (corner - 1) & crossed) {  // all subsets of its bits
             const std::int32_t leaf = upper[static_cast<std::size_t>(kept.leaf[i]) * 8 + corner];
