@@ -224,3 +224,17 @@ TEST_CASE("a camera of NaN, or without focal length, is refused by name") {
     camera.fx = 0;
     CHECK_THROWS_WITH(renderer.render(camera), Catch::Contains("camera") && Catch::Contains("focal"));
 }
+
+TEST_CASE("steps that are none, or more along a ray than a float can number, are refused") {
+    const Model model = plainModel(
+        everywhere, [](const Vec3i&) { return 0.0; }, Vec3f::Ones() / 2);
+    const auto least = static_cast<float>(std::ldexp(model.field.shells().extent.cast<double>().norm(), -24));
+    for (const float step : {0.0f, -1.0f, 0.9f * least, std::numeric_limits<float>::quiet_NaN(),
+                             std::numeric_limits<float>::infinity()}) {
+        CAPTURE(step);
+        RenderOptions options;
+        options.trace.step_voxels = step;
+        const Renderer renderer(model, options);
+        CHECK_THROWS_WITH(renderer.render(narrowCamera()), Catch::Contains("step") && Catch::Contains("at least"));
+    }
+}
