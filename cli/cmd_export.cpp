@@ -11,6 +11,7 @@
 #include "export/camera_export.h"
 #include "export/level_set.h"
 #include "export/marching_cubes.h"
+#include "export/unseen_solid.h"
 #include "export/vdb_export.h"
 #include "trainer/block_index.h"
 #include "vdb/model_file.h"
@@ -103,7 +104,8 @@ void writeBeside(const Outputs& outputs, const std::vector<ModelCamera>& cameras
 }
 
 /// The surface of the model, its bodies solid.
-void writeSurface(const Outputs& outputs, const Model& model, const ExportVdbReport& exported, Report& report) {
+void writeSurface(const Outputs& outputs, Model& model, const ExportVdbReport& exported, Report& report) {
+    makeUnseenSolid(model, automaticIso(model.field), report);
     MeshOptions options;
     options.colours = false;
     options.fill_inside = true;
@@ -193,7 +195,7 @@ void runExport(const ExportWords& words) {
         if (words.each_shell) {
             parts = exportShells(model, words.shells.count(model, available), words.out, options, report);
         } else {
-            const Model flat = words.shells.flatten(model, report);
+            Model flat = words.shells.flatten(model, report);
             parts.push_back({{}, exportVdb(flat, words.out, options, report)});
             if (words.level_set) writeSurface(outputs, flat, parts.front().written, report);
             json["shells"] = words.shells.count(model, 1);

@@ -82,10 +82,11 @@ void runMesh(const MeshWords& words) {
     }
 
     TerminalReport report;
-    const MeshSource source(words.model, words.shells, report);
-    if (words.stream) return streamMesh(words, source, options, report);
+    MeshSource source(words.model, words.shells, report);
     const Model& model = source.model();
     const double iso = options.iso.value_or(automaticIso(model.field));
+    if (words.fill_inside) source.makeUnseenSolid(iso, report);
+    if (words.stream) return streamMesh(words, source, options, report);
     Mesh mesh = extractSurface(model, options, report);
     const IslandCounts islands = reworkMesh(mesh, words.rework, report);
     if (!words.out.empty()) {
@@ -163,7 +164,8 @@ Command addMesh(CLI::App& program) {
     app.add_flag("--stream", words->stream,
                  "Write a .ply part by part: for meshes larger than memory; pieces are then neither known nor dropped");
     app.add_flag("--fill-inside", words->fill_inside,
-                 "Make bodies solid: no surfaces of cavities that nothing leads into from outside");
+                 "Make bodies solid: no surfaces behind those that the photographs show, nor of cavities that nothing leads "
+                 "into from outside");
     app.add_flag("--no-colours", words->no_colours, "Leave out the vertex colours");
     words->shells.add(app);
     addRework(app, words->rework);

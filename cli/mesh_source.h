@@ -8,6 +8,7 @@
 #include "cli/shell_words.h"
 #include "core/report.h"
 #include "export/mesh.h"
+#include "export/unseen_solid.h"
 #include "trainer/block_index.h"
 #include "vdb/model.h"
 
@@ -21,6 +22,8 @@ public:
     /// Of blocks: their density joined, without features.
     const Model& model() const { return model_; }
     bool hasFeatures() const { return !index_; }
+    /// Makes solid what no camera sees behind a surface at `iso`; nothing of blocks, which do not tell their cameras.
+    void makeUnseenSolid(double iso, Report& report) { nerfvdb::makeUnseenSolid(model_, iso, report); }
     /// Sets the colours of a mesh near the surface, of blocks one after another by whose vertex it is.
     void colour(Mesh& mesh, Report& report) const;
 

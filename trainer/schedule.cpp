@@ -153,4 +153,9 @@ double rateFactor(double progress) {
     return std::pow(kFinal, std::clamp((progress - kHeld) / (1 - kHeld), 0.0, 1.0));
 }
 
+double distortionFactor(double progress) {
+    constexpr double kFull = 0.4;  // of the training
+    return std::clamp(progress / kFull, 0.0, 1.0);
+}
+
 }  // namespace nerfvdb

@@ -63,4 +63,8 @@ double progressAt(const std::vector<Stage>& stages, std::size_t stage, std::int6
 /// would waste time on rates that are neither.
 double rateFactor(double progress);
 
+/// What the distortion loss is multiplied with at this progress: it grows from 0 to 1 over the first two fifths. In full from
+/// the start it makes surfaces of fog before photographs have said where they are (docs/quality.md).
+double distortionFactor(double progress);
+
 }  // namespace nerfvdb

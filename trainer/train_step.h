@@ -51,7 +51,7 @@ struct TrainState {
     Sky sky;                          // learned in place of the background, unless empty
     Adam sky_optimizer;
     bool random_background = false;   // train against a random colour behind each ray (needs alpha)
-    float distortion = 0.02f;         // of the loss, per unit of RayTracer::distortion
+    float distortion = 0.02f;         // of the loss, per unit of RayTracer::distortion; grows while training
 };
 
 /// What a step saw; sums over its rays.

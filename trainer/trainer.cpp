@@ -29,14 +29,15 @@ namespace {
 
 constexpr int kWarmUpSteps = 20;            // rates rise linearly at the very start
 constexpr double kUnitsPerBox = 260;        // density is learned per 1/260 of the box's longest side ...
-constexpr float kInitialRaw = -4.19f;       // ... and starts at alpha 0.03 over two such units; ...
+constexpr float kInitialRaw = -5;           // ... and starts at alpha 0.013 over two such units; ...
 // ... but an open scene near empty: a ray crosses many shells, and fog in the near ones would hide what stands behind.
-constexpr float kOpenInitialRaw = -7;
+constexpr float kOpenInitialRaw = -6;
 constexpr float kOpenMinSeen = 0.05f;       // there a cell no sample of which gave a ray this share of its light is not divided
 // Beyond kMaxLevels a surface that stayed as thick as it was would be twice as many voxels thick at every level, each with
 // half the share of a ray's light: voxels would grow eightfold in number, and kOpenMinSeen would tear holes. So density
 // doubles with every such level, that a surface be as many voxels thick.
 constexpr float kSharper = 0.69314718f;     // ln 2, in raw density
+constexpr float kDistortion = 0.02f;        // of the loss, once it has grown
 constexpr float kOpenDensitySmoothing = 0.075f;  // and photographs of places bear, and need, smoother surfaces
 constexpr int kSkyWidth = 512;              // texels around the horizon
 constexpr double kMostLooks = 4e6;          // rays of a look through the photographs, or as many as are enough
@@ -378,6 +379,8 @@ bool Training::runStage() {
 
 void Training::stepOnce() {
     const double begin = clock_.seconds();
+    const double progress = progressAt(place_.stages, place_.stage, place_.step_in_stage);
+    state_.distortion = kDistortion * static_cast<float>(distortionFactor(progress));
     const StepReport result = guard_.step(stepper_, state_, source_, static_cast<std::uint64_t>(place_.step),
                                           stage().batch, rates(), trace_);
     if (!result.is_finite) {

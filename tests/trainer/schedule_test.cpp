@@ -151,6 +151,16 @@ TEST_CASE("a schedule's text names the steps of each stage") {
     CHECK(scheduleText(stages) == "120,300,9000000000");
 }
 
+TEST_CASE("the distortion loss grows evenly from nothing, and is whole before rates fall") {
+    CHECK(distortionFactor(0) == 0);
+    for (double progress = 0; progress < 1; progress += 0.01)
+        CHECK(distortionFactor(progress + 0.01) >= distortionFactor(progress));
+    CHECK(distortionFactor(0.2) == 0.5);
+    CHECK(distortionFactor(0.5) == 1);
+    CHECK(rateFactor(0.5) == 1);
+    CHECK(distortionFactor(1.1) == 1);
+}
+
 TEST_CASE("rates stay, then fall without a jump, and end well above zero") {
     CHECK(rateFactor(0) == 1);
     CHECK(rateFactor(0.5) == 1);
