@@ -130,6 +130,16 @@ void planTime(std::vector<Stage>& stages, std::size_t first, std::int64_t done, 
     }
 }
 
+void leaveTimeToCarve(std::vector<Stage>& stages, double step_seconds, double seconds) {
+    constexpr double kSteps = 1000, kMost = 0.25;  // of the time
+    const double wanted = seconds > 0 ? std::min(kMost, kSteps * step_seconds / seconds) : kMost;
+    Stage& first = stages.front();
+    if (stages.size() < 2 || first.share >= wanted) return;
+    const double rest = (1 - wanted) / (1 - first.share);
+    for (Stage& stage : stages) stage.share *= rest;
+    first.share = wanted;
+}
+
 std::string scheduleText(const std::vector<Stage>& stages) {
     std::string text;
     for (const Stage& stage : stages) {

@@ -43,6 +43,11 @@ void planSteps(std::vector<Stage>& stages, std::int64_t total);
 /// step of stage `first` takes `step_seconds`; at least one step each. `done` steps of it are over already.
 void planTime(std::vector<Stage>& stages, std::size_t first, std::int64_t done, double step_seconds, double seconds);
 
+/// Raises the share of the first stage, at the others' cost, so that a thousand steps of `step_seconds` fit into it, but to a
+/// quarter of the `seconds` of all at most. Scenes without bounds: there few rays touch most voxels, a step costs much more
+/// than the cost of a ray says, and fog that is not carved from shells becomes floaters.
+void leaveTimeToCarve(std::vector<Stage>& stages, double step_seconds, double seconds);
+
 /// Relative cost of a ray at a level, 1 at level 0; measured on several scenes.
 double relativeRayCost(int level);
 

@@ -45,6 +45,7 @@ constexpr double kErrorMemory = 0.99;       // of the running mean of the error,
 constexpr double kTellSeconds = 2;          // between progress reports
 constexpr std::int64_t kFirstOccupancy = 32, kLastOccupancy = 512;  // steps between updates, growing inside a stage
 constexpr std::int64_t kProbeSteps = 40;    // of a stage, before its cost is believed
+constexpr std::int64_t kCarvedSteps = 150;  // ... and of the first in an open scene, before it is believed at last
 constexpr double kSameExposure = 0.05;      // spread of gains that is not worth learning: fox has 0.03 and loses by it
 constexpr double kSaveSeconds = 0.3, kSaveSecondsPerVoxel = 1.0e-6;  // pruning and writing the model
 
@@ -70,6 +71,7 @@ private:
     bool keepsUnseen() const { return options_.keep_unseen || options_.skip_nothing; }
     /// What shells hold against one box: each leaves out an eighth of its own.
     double carvedSpace() const { return 1 + 0.875 * (state_.field.shells().count - 1); }
+    bool carvesShells() const { return place_.stage == 0 && state_.field.shells().count > 1; }
     bool photosOnDisk() const { return !dataset_.views.empty() && dataset_.views.front().photo.tiles != nullptr; }
     std::size_t mappedPhotoBytes() const;  // of photographs on disk that may stand in memory at once
     MemoryPlan memoryPlan() const;
@@ -270,6 +272,7 @@ void Training::replanForTime() {
             place_.stages = std::move(stages);
         }
     }
+    if (carvesShells()) leaveTimeToCarve(place_.stages, step_seconds_, left);
     planTime(place_.stages, place_.stage, place_.step_in_stage, step_seconds_, left);
     report_.replan(totalSteps());
     report_.info("plan: " + scheduleText(place_.stages) + " steps");
@@ -333,7 +336,8 @@ TrainResult Training::run() {
 
 void Training::enterStage() {
     const int level = stage().level;
-    if (place_.tries_exposure) settleExposure();
+    // After the first stage fog still bends what photographs are told to differ by.
+    if (place_.tries_exposure && (place_.stage > 0 || place_.stages.size() == 2)) settleExposure();
     ++place_.stage;
     place_.step_in_stage = 0;
     place_.next_occupancy = kFirstOccupancy;
@@ -366,6 +370,8 @@ bool Training::runStage() {
         const bool is_new_level = place_.stage == 0 || place_.stages[place_.stage - 1].level != stage().level;
         if (plans_time_ && is_new_level && place_.step_in_stage == std::min(kProbeSteps, stage().steps))
             replanForTime();
+        // The first looks at what is empty make a step in shells five times cheaper.
+        if (plans_time_ && carvesShells() && place_.step_in_stage == kCarvedSteps) replanForTime();
         // Steps become cheaper while space empties: what that saves is used.
         const bool is_last = place_.stage + 1 == place_.stages.size();
         if (plans_time_ && is_last && (place_.step_in_stage == stage().steps / 2 ||

@@ -151,6 +151,25 @@ TEST_CASE("a schedule's text names the steps of each stage") {
     CHECK(scheduleText(stages) == "120,300,9000000000");
 }
 
+TEST_CASE("time to carve is a thousand steps, or a quarter of all, and other stages keep their proportions") {
+    const std::vector<Stage> stages = defaultStages(4, 1e9);
+    const auto carved = [&](double step_seconds) {
+        std::vector<Stage> changed = stages;
+        leaveTimeToCarve(changed, step_seconds, /*seconds=*/100);
+        double sum = 0;
+        for (const Stage& stage : changed) sum += stage.share;
+        CHECK(sum == Approx(1));
+        for (std::size_t s = 2; s < stages.size(); ++s)
+            CHECK(changed[s].share / changed[1].share == Approx(stages[s].share / stages[1].share));
+        return changed.front().share;
+    };
+    CHECK(carved(0.01) == Approx(0.1));
+    CHECK(carved(0.02) == Approx(0.2));
+    CHECK(carved(0.03) == Approx(0.25));
+    CHECK(carved(1) == Approx(0.25));
+    CHECK(carved(1e-4) == stages.front().share);  // has it already
+}
+
 TEST_CASE("the distortion loss grows evenly from nothing, and is whole before rates fall") {
     CHECK(distortionFactor(0) == 0);
     for (double progress = 0; progress < 1; progress += 0.01)
