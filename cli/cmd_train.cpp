@@ -97,8 +97,8 @@ Command addTrain(CLI::App& program) {
     CLI::App& app = *program.add_subcommand("train", "Learn a scene from posed photographs");
     app.add_option(
            "DATA", words->data,
-           "Folder with transforms_train.json (NeRF-synthetic) or transforms.json (instant-ngp, nerfstudio), "
-           "or such a file")
+           "Folder with transforms_train.json (NeRF-synthetic), transforms.json (instant-ngp, nerfstudio), a sparse "
+           "model of COLMAP or poses_bounds.npy (LLFF), or such a .json")
         ->required();
     app.add_option("--out", words->out,
                    "The model; a checkpoint (.ckpt) and a log (.csv, before the first checkpoint .csv.part) are laid "
