@@ -54,16 +54,6 @@ Mesh marchCubes(const Surface& surface, Report& report) {
     return mesh;
 }
 
-/// Infinite and absurd densities are left to cutField.
-double largestSigma(const VoxelField& field) {
-    float largest = kEmptyRaw;
-    for (std::size_t leaf = 0; leaf < field.topology().leafCount(); ++leaf)
-        forEachBit(field.topology().voxels()[leaf], [&](int offset) {
-            largest = std::max(largest, field.density()[leaf * kLeafVoxels + offset]);
-        });
-    return sigmaFromRaw(largest, field.densityScale());
-}
-
 double halfLightIso(const VoxelField& field) { return std::log(2.0) / field.frame().voxel_size; }
 
 float rawFromSigma(double sigma, double density_scale) {
@@ -186,6 +176,15 @@ void cutModel(const Model& model, const MeshOptions& options, Report& report, Cu
 }
 
 }  // namespace
+
+double largestSigma(const VoxelField& field) {
+    float largest = kEmptyRaw;
+    for (std::size_t leaf = 0; leaf < field.topology().leafCount(); ++leaf)
+        forEachBit(field.topology().voxels()[leaf], [&](int offset) {
+            largest = std::max(largest, field.density()[leaf * kLeafVoxels + offset]);
+        });
+    return sigmaFromRaw(largest, field.densityScale());
+}
 
 double automaticIso(const VoxelField& field) {
     return std::min(halfLightIso(field), 0.5 * largestSigma(field));

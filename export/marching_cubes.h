@@ -33,6 +33,9 @@ struct MeshOptions {
 
 inline constexpr int kMostResolution = 8192;
 
+/// The largest extinction of an active voxel, 1 / world unit. Infinite and absurd densities are left to extractSurface.
+double largestSigma(const VoxelField& field);
+
 /// The extinction that stops half of the light over one voxel: ln 2 / voxel_size, in 1 / world unit. Fog may
 /// nowhere be so dense: the surface is where it has half of its largest density, if that is less.
 double automaticIso(const VoxelField& field);

@@ -11,13 +11,14 @@
 namespace nerfvdb {
 
 struct UnseenOptions {
-    double rays = 16e6;           // at most so many, spread evenly over all pixels of the cameras
+    double rays = 16e6;           // about so many, spread evenly over all pixels of the cameras
     float least_light = 0.7f;     // a voxel is seen where so much of a ray's light comes as far as its cells
 };
 
 /// Raises the density of active voxels that no camera of the model sees, held-out ones aside, to at least twice `iso`
 /// (1 / world unit), so that a surface at `iso` shows what cameras saw of it from outside, and nothing behind. Where a
-/// camera sees through, as through haze, nothing changes; nor without cameras. Returns how many voxels were raised.
+/// camera sees through, as through haze, nothing changes; nor without cameras, nor for an iso that no voxel reaches: there is
+/// no surface then, and there shall be none. Returns how many voxels were raised.
 /// A voxel counts as seen if a cell around it is: cells that rays happen to miss hardly matter.
 /// The same for any number of threads. Throws Interrupted.
 /// Source: Kutulakos and Seitz 2000, "A theory of shape by space carving", with what light is left for the test of visibility.

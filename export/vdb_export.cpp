@@ -20,13 +20,6 @@ namespace {
 
 constexpr double kMinAlphaUnseen = 1e-3, kMinAlphaSeen = 1e-5;
 
-std::vector<Camera> camerasOf(const Model& model, bool held_out) {
-    std::vector<Camera> cameras;
-    for (const ModelCamera& camera : model.cameras)
-        if (camera.held_out == held_out) cameras.push_back(camera.camera);
-    return cameras;
-}
-
 // ---- Voxels ----
 
 /// Index box of the active voxels: first and last, of topology() coordinates.

@@ -7,9 +7,9 @@
 
 #include "core/image.h"
 #include "core/parallel.h"
-#include "core/random.h"
 #include "export/diffuse_colors.h"
 #include "export/paired_rays.h"
+#include "export/pixel_squares.h"
 
 namespace nerfvdb {
 namespace {
@@ -87,9 +87,7 @@ void decodeColors(const Model& model, Volume& volume) {
 
 std::vector<LeafMask> collectColors(const Model& model, std::span<const Camera> cameras, const CollectOptions& options,
                                     Volume& volume, Report& report) {
-    double pixels = 0;
-    for (const Camera& camera : cameras) pixels += static_cast<double>(camera.width) * camera.height;
-    const int stride = std::max(1, static_cast<int>(std::sqrt(pixels / options.rays) + 0.5));
+    const int edge = squareEdge(cameras, options.rays);
 
     TraceOptions trace;
     trace.min_weight = options.min_weight;
@@ -104,25 +102,15 @@ std::vector<LeafMask> collectColors(const Model& model, std::span<const Camera> 
     report.begin("collect colours", static_cast<std::int64_t>(cameras.size()));
     for (std::size_t view = 0; view < cameras.size(); ++view) {
         throwIfCancelled(report);
-        const Camera& camera = cameras[view];
-        // Blocks of 16 x 16 rays, one ray in each square of `stride` pixels.
-        const int columns = (camera.width + stride - 1) / stride, rows = (camera.height + stride - 1) / stride;
-        const int blocks_x = (columns + 15) / 16, blocks_y = (rows + 15) / 16;
-        tiles.resize(std::max(tiles.size(), static_cast<std::size_t>(blocks_x) * blocks_y));
-        const std::size_t n_tiles = static_cast<std::size_t>(blocks_x) * blocks_y;
+        const PixelSquares squares(cameras[view], view, edge);
+        const std::size_t n_tiles = squares.blockCount();
+        tiles.resize(std::max(tiles.size(), n_tiles));
         parallelFor(n_tiles, [&](std::size_t block) {
             PairedTile& paired = workers.local();
             TileGradients& tile = tiles[block];
             std::vector<Ray>& rays = paired.rays;
             rays.clear();
-            const int x0 = static_cast<int>(block) % blocks_x * 16, y0 = static_cast<int>(block) / blocks_x * 16;
-            for (int y = y0; y < std::min(y0 + 16, rows); ++y)
-                for (int x = x0; x < std::min(x0 + 16, columns); ++x) {
-                    const std::uint64_t bits = randomBits(0, view, static_cast<std::uint64_t>(y) * columns + x);
-                    const int px = std::min(x * stride + static_cast<int>(bits % stride), camera.width - 1);
-                    const int py = std::min(y * stride + static_cast<int>((bits >> 32) % stride), camera.height - 1);
-                    rays.push_back(cameraRay(camera, px + 0.5, py + 0.5));
-                }
+            squares.forEachRay(block, [&](const Ray& ray) { rays.push_back(ray); });
             pair.trace(0.5f, trace, paired, tile.kept);
             std::fill_n(tile.kept.dl_draw.begin(), tile.kept.n, 0.0f);
             tile.dl_dray_features.assign(static_cast<std::size_t>(PairedTile::kMostRays) * kChannels, 0.0f);

@@ -2,7 +2,6 @@
 #include "trainer/seen_cells.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 
 #include "core/parallel.h"
@@ -69,12 +68,8 @@ void markSeenCells(const Dataset& dataset, const VoxelField& field, const Occupa
             }
         if (worker.tracer.rayCount() == 0) return;
         worker.tracer.trace(scene, options, worker.kept);
-        for (int k = 0; k < worker.kept.n; ++k) {
-            const int cell = worker.kept.cell[k];
-            std::atomic_ref word(seen[static_cast<std::size_t>(worker.kept.leaf[k])][static_cast<std::size_t>(cell >> 6)]);
-            const std::uint64_t bit = std::uint64_t{1} << (cell & 63);
-            if (!(word.load(std::memory_order_relaxed) & bit)) word.fetch_or(bit, std::memory_order_relaxed);
-        }
+        for (int k = 0; k < worker.kept.n; ++k)
+            setBitShared(seen[static_cast<std::size_t>(worker.kept.leaf[k])], worker.kept.cell[k]);
     });
 }
 

@@ -21,6 +21,8 @@ namespace nerfvdb {
 /// of all that an update reads.
 inline constexpr int kSmoothEvery = 4;
 
+inline constexpr float kDistortion = 0.02f;  // of the loss, per unit of RayTracer::distortion; what training grows it to
+
 /// How far parameters move in one step.
 struct StepRates {
     float density = 0.2f;
@@ -51,7 +53,7 @@ struct TrainState {
     Sky sky;                          // learned in place of the background, unless empty
     Adam sky_optimizer;
     bool random_background = false;   // train against a random colour behind each ray (needs alpha)
-    float distortion = 0.02f;         // of the loss, per unit of RayTracer::distortion; grows while training
+    float distortion = kDistortion;
 };
 
 /// What a step saw; sums over its rays.

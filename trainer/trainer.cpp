@@ -37,7 +37,6 @@ constexpr float kOpenMinSeen = 0.05f;       // there a cell no sample of which g
 // half the share of a ray's light: voxels would grow eightfold in number, and kOpenMinSeen would tear holes. So density
 // doubles with every such level, that a surface be as many voxels thick.
 constexpr float kSharper = 0.69314718f;     // ln 2, in raw density
-constexpr float kDistortion = 0.02f;        // of the loss, once it has grown
 constexpr float kOpenDensitySmoothing = 0.075f;  // and photographs of places bear, and need, smoother surfaces
 constexpr int kSkyWidth = 512;              // texels around the horizon
 constexpr double kMostLooks = 4e6;          // rays of a look through the photographs, or as many as are enough

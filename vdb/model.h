@@ -38,4 +38,12 @@ struct Model {
     std::vector<ModelCamera> cameras;  // in the data set's order, held-out ones last; empty if nobody told
 };
 
+/// Those that the model was trained from, or those that were held out.
+inline std::vector<Camera> camerasOf(const Model& model, bool held_out) {
+    std::vector<Camera> cameras;
+    for (const ModelCamera& camera : model.cameras)
+        if (camera.held_out == held_out) cameras.push_back(camera.camera);
+    return cameras;
+}
+
 }  // namespace nerfvdb

@@ -9,6 +9,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <bit>
 #include <cstdint>
 #include <span>
@@ -28,6 +29,12 @@ using LeafMask = std::array<std::uint64_t, kLeafWords>;
 constexpr int brickOffset(int x, int y, int z) { return x * 64 + y * 8 + z; }
 inline bool testBit(const LeafMask& mask, int offset) { return mask[offset >> 6] >> (offset & 63) & 1; }
 inline void setBit(LeafMask& mask, int offset) { mask[offset >> 6] |= std::uint64_t{1} << (offset & 63); }
+/// The same while other threads set bits of the mask.
+inline void setBitShared(LeafMask& mask, int offset) {
+    std::atomic_ref word(mask[static_cast<std::size_t>(offset >> 6)]);
+    const std::uint64_t bit = std::uint64_t{1} << (offset & 63);
+    if (!(word.load(std::memory_order_relaxed) & bit)) word.fetch_or(bit, std::memory_order_relaxed);
+}
 /// Calls visit(offset) for every bit that is set, in order.
 template <typename Visit>
 void forEachBit(const LeafMask& mask, const Visit& visit) {

@@ -282,6 +282,9 @@ JSON
     expect 0 mesh model.vdb --out mesh.ply --json -
     has_keys out vertices faces iso closed
     expect 0 mesh model.vdb --out mesh.obj --no-colours --keep-largest 1 --fill-inside
+    expect 1 mesh model.vdb --out none.ply --fill-inside --iso 1e9
+    says err "field's maximum"
+    [[ ! -e none.ply ]] || fail "a surface where there is none"
     expect 0 mesh model.vdb --out mesh.glb --up y --smooth 3 --faces 500 --json -
     has_keys out faces dropped_pieces dropped_faces largest_piece_faces closed
     says out '"closed": true'

@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <vector>
 
 #include "core/error.h"
 #include "core/parallel.h"
@@ -96,6 +97,19 @@ TEST_CASE("what light comes through stays as it is, and so does all without came
     Model held_out = skinModel(3);
     for (ModelCamera& camera : held_out.cameras) camera.held_out = true;
     CHECK(makeUnseenSolid(held_out, kIso, silent) == 0);
+}
+
+TEST_CASE("an iso that no voxel reaches makes nothing solid, and no surface is found there") {
+    Model model = skinModel(3);
+    const std::vector<float> before(model.field.density().begin(), model.field.density().end());
+    for (const double iso : {1e9, 0.0, -1.0, std::nan("")}) {
+        CAPTURE(iso);
+        CHECK(makeUnseenSolid(model, iso, silent) == 0);
+        CHECK(std::equal(before.begin(), before.end(), model.field.density().begin()));
+    }
+    MeshOptions options;
+    options.iso = 1e9;
+    CHECK_THROWS_WITH(extractSurface(model, options, silent), Catch::Contains("field's maximum"));
 }
 
 TEST_CASE("what is unseen does not depend on the number of threads, nor much on that of rays") {

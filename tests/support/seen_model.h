@@ -19,11 +19,6 @@ inline Model seenModel(int n = 32, int pixels = 48) {
     return model;
 }
 
-inline std::vector<Camera> trainingCameras(const Model& model) {
-    std::vector<Camera> cameras;
-    for (const ModelCamera& camera : model.cameras)
-        if (!camera.held_out) cameras.push_back(camera.camera);
-    return cameras;
-}
+inline std::vector<Camera> trainingCameras(const Model& model) { return camerasOf(model, /*held_out=*/false); }
 
 }  // namespace nerfvdb::test
