@@ -13,6 +13,28 @@ Exact cornerWeight(const ExactSample& sample, int corner) {
            (corner & 1 ? sample.z : 1 - sample.z);
 }
 
+/// dD_dw_i of the distortion D = sum_i sum_j w_i w_j reach (1 - exp(-|s_i - s_j| / reach)), shells aside.
+std::vector<Exact> spreadSlopes(const TraceScene& scene, const std::vector<ExactSample>& samples,
+                                const ExactLight& light) {
+    const Exact side = scene.shells.extent.maxCoeff(), reach = distortionReach(scene.shells.count);
+    const auto distance = [&](std::size_t i) {
+        const Exact s = samples[i].t / side;
+        return s <= 1 ? s : 1 + std::log(s);
+    };
+    std::vector<Exact> slopes(samples.size());
+    // sum_j w_j (1 - exp(-gap)) over those passed, where gaps add up: far - near. Each way once.
+    const auto add = [&, far = Exact{0}, near = Exact{0}, last = Exact{0}](std::size_t i) mutable {
+        near *= std::exp(-std::abs(distance(i) - last) / reach);
+        last = distance(i);
+        slopes[i] += 2 * reach * (far - near);
+        far += light.weight[i], near += light.weight[i];
+    };
+    auto in_front = add, behind = add;
+    for (std::size_t i = 0; i < samples.size(); ++i) in_front(i);
+    for (std::size_t i = samples.size(); i-- > 0;) behind(i);
+    return slopes;
+}
+
 }  // namespace
 
 ExactMarch::ExactMarch(const TraceScene& scene, const Ray& ray, float step_voxels, float jitter)
@@ -120,12 +142,10 @@ ExactGradient exactGradient(const TraceScene& scene, const std::vector<ExactSamp
                             const ExactLight& light, const std::vector<float>& dl_dmean,
                             float dl_dtransmittance, float dl_ddistortion) {
     const std::size_t n = samples.size(), channels = dl_dmean.size();
-    const Exact per_voxel = 1 / static_cast<Exact>(scene.shells.extent.maxCoeff());
-    Exact moment_sum = 0;
-    for (std::size_t i = 0; i < n; ++i) moment_sum += light.weight[i] * samples[i].t * per_voxel;
+    const std::vector<Exact> spread = spreadSlopes(scene, samples, light);
+    const Exact apart = 2 * static_cast<Exact>(distortionReach(scene.shells.count)) * light.weight_sum;  // at most
 
     std::vector<Exact> slope(n), terms(n);  // dl_dw_i and its terms' magnitudes
-    Exact weight_in_front = 0, moment_in_front = 0;
     ExactGradient gradient;
     for (std::size_t i = 0; i < n; ++i) {
         for (std::size_t c = 0; c < channels; ++c) {
@@ -133,13 +153,8 @@ ExactGradient exactGradient(const TraceScene& scene, const std::vector<ExactSamp
             slope[i] += (f - light.mean[c]) * g;
             terms[i] += (std::abs(f) + std::abs(light.mean[c])) * std::abs(g);
         }
-        const Exact s = samples[i].t * per_voxel, w = light.weight[i];
-        const Exact weight_behind = light.weight_sum - weight_in_front - w,
-                    moment_behind = moment_sum - moment_in_front - w * s;
-        slope[i] +=
-            dl_ddistortion * 2 * (s * weight_in_front - moment_in_front + moment_behind - s * weight_behind);
-        terms[i] += std::abs(dl_ddistortion) * 2 * (s * light.weight_sum + moment_sum);
-        weight_in_front += w, moment_in_front += w * s;
+        slope[i] += dl_ddistortion * spread[i];
+        terms[i] += std::abs(dl_ddistortion) * apart;
         gradient.largest_slope = std::max(gradient.largest_slope, terms[i]);
     }
     gradient.largest_slope = std::max(gradient.largest_slope, std::abs(static_cast<Exact>(dl_dtransmittance)));

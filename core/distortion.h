@@ -1,45 +1,29 @@
 // SPDX-License-Identifier: Apache-2.0
 // How widely spread along a ray its light is: the distortion loss, one sample at a time, and its derivative.
 //
-//   D = sum_i sum_j w_i w_j |s_i - s_j|
-// Source: Barron et al. 2022, "Mip-NeRF 360", eq. 15, whose second term, the width of the samples themselves, is
-// left out: here it is half a voxel for all. Samples come in the order of s, so that sums over those in front and
-// those behind take the place of the double sum. Where pictures leave open at which distance something is (a plain
-// wall, the space behind what cameras see), it gathers haze into one surface.
+//   D = sum_i sum_j w_i w_j d(|s_i - s_j|),   d(s) = reach (1 - exp(-s / reach))
+// Source: Barron et al. 2022, "Mip-NeRF 360", eq. 15, which has d(s) = s, and a second term, the width of the samples
+// themselves, that is left out: here it is half a voxel for all. Where pictures leave open at which distance something
+// is (a plain wall, the space behind what cameras see), it gathers haze into one surface. With d(s) = s haze is drawn to
+// its middle, wherever the surface may be; beyond its reach this distance says that light is apart, but pulls no further.
 #pragma once
 
 namespace nerfvdb {
 
-/// D of a ray, front to back.
-struct DistortionRay {
-    float weight = 0;    // sum_i w_i
-    float moment = 0;    // sum_i w_i s_i
-    float spread = 0;    // D
+/// Goes along a ray, front to back or back to front, and sums over what it has passed. Sums are single precision: the
+/// distance of what is near errs by 6e-8 of the reach.
+struct DistortionScan {
+    float weight = 0;  // sum_j w_j
+    float near = 0;    // sum_j w_j exp(-|s_j - s| / reach), s the last sample's
 
-    /// The next sample: its weight and its distance, in units of the caller's, no less than the one before.
-    void add(float w, float s) {
-        spread += 2 * w * (s * weight - moment);
+    /// The next sample: its weight, and exp(-gap / reach), the gap between it and the one before (of the first: anything
+    /// finite). Returns sum_j w_j d(|s_j - s|) / reach over those before.
+    float add(float w, float decay) {
+        near *= decay;
+        const float apart = weight - near;
         weight += w;
-        moment += w * s;
-    }
-};
-
-/// dD_dw_i = 2 sum_j w_j |s_i - s_j|, back to front.
-struct DistortionRayBackward {
-    float weight_in_front, moment_in_front;
-    float weight_behind = 0, moment_behind = 0;
-
-    explicit DistortionRayBackward(const DistortionRay& whole)
-        : weight_in_front(whole.weight), moment_in_front(whole.moment) {}
-
-    /// Of the next sample from the back.
-    float add(float w, float s) {
-        weight_in_front -= w;
-        moment_in_front -= w * s;
-        const float slope = 2 * ((s * weight_in_front - moment_in_front) + (moment_behind - s * weight_behind));
-        weight_behind += w;
-        moment_behind += w * s;
-        return slope;
+        near += w;
+        return apart;
     }
 };
 

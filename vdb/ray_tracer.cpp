@@ -242,20 +242,30 @@ void RayTracer::addFeatureSlopes(int channels, float* dl_dray_features, const Ke
 void RayTracer::addDistortionSlopes(const TraceScene& scene, float dl_ddistortion, const KeptSamples& kept) {
     const auto side = static_cast<float>(scene.shells.extent.maxCoeff());
     const auto distance = [side](float t) { return t <= side ? t / side : 1 + std::log(t / side); };
-    spread_.assign(static_cast<std::size_t>(n_rays_), {});
-    distances_.resize(static_cast<std::size_t>(kept.n));
-    for (int i = 0; i < kept.n; ++i) {
-        distances_[i] = distance(kept.t[i]);
-        spread_[kept.ray[i]].add(kept.weight[i], distances_[i]);
-    }
+    const float reach = distortionReach(scene.shells.count);
+    const auto rays = static_cast<std::size_t>(n_rays_);
+
+    // dD_dw_i = 2 sum_j w_j d(|s_i - s_j|): those in front on the way there, those behind on the way back.
+    spread_.assign(rays, {});
+    last_distance_.assign(rays, 0.0f);
+    distance_decay_.resize(static_cast<std::size_t>(kept.n));
     distortion_ = 0;
-    spread_backward_.clear();
-    for (const DistortionRay& ray : spread_) {
-        distortion_ += static_cast<double>(ray.spread);
-        spread_backward_.emplace_back(ray);
+    for (int i = 0; i < kept.n; ++i) {
+        const auto r = static_cast<std::size_t>(kept.ray[i]);
+        const float s = distance(kept.t[i]);
+        distance_decay_[i] = std::exp((last_distance_[r] - s) / reach);
+        last_distance_[r] = s;
+        const float slope = 2 * reach * spread_[r].add(kept.weight[i], distance_decay_[i]);
+        distortion_ += static_cast<double>(kept.weight[i] * slope);
+        slope_[i] += dl_ddistortion * slope;
     }
-    for (int i = kept.n; i-- > 0;)
-        slope_[i] += dl_ddistortion * spread_backward_[kept.ray[i]].add(kept.weight[i], distances_[i]);
+    spread_.assign(rays, {});
+    decay_behind_.assign(rays, 1.0f);
+    for (int i = kept.n; i-- > 0;) {
+        const auto r = static_cast<std::size_t>(kept.ray[i]);
+        slope_[i] += dl_ddistortion * 2 * reach * spread_[r].add(kept.weight[i], decay_behind_[r]);
+        decay_behind_[r] = distance_decay_[i];
+    }
 }
 
 void RayTracer::traceBackward(const TraceScene& scene, float* dl_dray_features, const float* dl_dtransmittance,

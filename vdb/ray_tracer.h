@@ -45,6 +45,12 @@ struct TraceScene {
     bool holds_sigma;     // the bricks hold sigma itself, not its logarithm
 };
 
+/// The reach of a ray's distortion (core/distortion.h) in scenes of so many shells: how far it pulls haze together, in the
+/// (inner) box's longest side. In a box less than what a hollow object is wide, for in a hollow without texture it would
+/// make a false floor. In places, where distances are logarithms, as good as without end: there haze right before a camera
+/// is to be drawn to what is far behind it. Figures: docs/quality.md.
+constexpr float distortionReach(int shells) { return shells > 1 ? 8.0f : 0.2f; }
+
 /// What tracing cost.
 struct TraceCounters {
     std::uint64_t rays = 0;
@@ -86,8 +92,9 @@ public:
 
     /// Gradient of the kept samples' interpolated densities (kept.dl_draw), given dl_dF [ray][channels] and dl_dT_end [ray]:
     /// CompositeRayBackward with dl_dw_i = (f_i - F) . dl_dF / W + dl_dD dD_dw_i, where D is the ray's distortion,
-    /// distances in the (inner) box's longest side, beyond which they grow with the logarithm. The gradient of features is linear and left to leaf_scatter.h:
-    /// dl_df_i = w_i (dl_dF / W). For it, dl_dray_features holds dl_dF / W afterwards.
+    /// distances in the (inner) box's longest side, beyond which they grow with the logarithm, of distortionReach. The
+    /// gradient of features is linear and left to leaf_scatter.h: dl_df_i = w_i (dl_dF / W). For it, dl_dray_features
+    /// holds dl_dF / W afterwards.
     void traceBackward(const TraceScene& scene, float* dl_dray_features, const float* dl_dtransmittance,
                        float dl_ddistortion, KeptSamples& kept);
     /// D of the tile's rays, summed; of the last traceBackward.
@@ -126,10 +133,10 @@ private:
     std::vector<float> transmittance_, dropped_, ray_features_, weight_, inverse_weight_;
     std::vector<std::int32_t> leaf_, cell_;
     std::vector<float> x_, y_, z_, t_, raw_, tau_, alpha_, decay_;
-    std::vector<float> features_, slope_, mean_slope_, distances_;
+    std::vector<float> features_, slope_, mean_slope_;
     std::vector<CompositeRayBackward> behind_;
-    std::vector<DistortionRay> spread_;
-    std::vector<DistortionRayBackward> spread_backward_;
+    std::vector<DistortionScan> spread_;
+    std::vector<float> last_distance_, distance_decay_, decay_behind_;
     float tau_scale_ = 0;  // tau per sigma
     double distortion_ = 0;
     TraceCounters counters_;
