@@ -25,7 +25,7 @@ std::vector<StressRow> stressInput(const std::filesystem::path& scratch, std::in
 struct SeedStressOptions {
     std::vector<std::string> scenes = {"sphere", "shell", "thin", "glossy", "fog", "demo"};
     int seeds = 20;
-    std::int64_t steps = 400;
+    std::int64_t steps = 1500;
     int views = 40, size = 100;  // photographs, and pixels along their edge
 };
 

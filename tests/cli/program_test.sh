@@ -618,7 +618,7 @@ test_blocks() {
     expect 0 render parts/blocks.json --orbit 2 --width 24 --height 24 --out orbit
     [[ -s views/0000.png && -s orbit/0001.png ]] || fail "no pictures of blocks"
 
-    expect 0 export parts --out volume.vdb --fit 20 --json -
+    expect 0 export parts --out volume.vdb --fit 20 --max-resolution 64 --json -
     has_keys out each_block block active_voxels
     [[ -s volume.block0_0.vdb && -s volume.block1_0.vdb && ! -e volume.vdb ]] || fail "blocks left as: $(ls volume.*)"
     says volume.blender.py "volume.block0_0.vdb"
