@@ -14,6 +14,7 @@
 
 #include "core/atomic_file.h"
 #include "core/error.h"
+#include "core/exif_header.h"
 #include "core/exr_header.h"
 #include "core/image_end.h"
 
@@ -72,8 +73,8 @@ void checkBeginning(const fs::path& path) {
     const std::string_view bytes(first.data(), static_cast<std::size_t>(file.gcount()));
     if (!isKnownFormat(bytes))
         throwUndecodable(path, bytes.empty() ? "an empty file" : "a file that begins as no image of these kinds");
-    if (!isExr(bytes)) return;
-    if (const std::string problem = exrHeaderProblem(file); !problem.empty()) throwUndecodable(path, problem);
+    if (const std::string problem = isExr(bytes) ? exrHeaderProblem(file) : exifProblem(readFile(path)); !problem.empty())
+        throwUndecodable(path, problem);
 }
 
 std::unique_ptr<ImageInput> openImage(const fs::path& path) {
