@@ -61,6 +61,7 @@ TEST_CASE("exact weights and what is left of the light sum to one, and the gradi
     const float dl_dtransmittance = -0.4f, dl_ddistortion = 0.3f;
     const ExactGradient gradient =
         exactGradient(subject.scene, samples, light, dl_dmean, dl_dtransmittance, dl_ddistortion);
+    const Exact reach = distortionReach(1);
     // The loss from raw densities that differ from the field's: tau scales with exp(raw).
     const auto loss = [&](std::size_t changed, Exact by) {
         Exact transmittance = 1, weight_sum = 0, distortion = 0;
@@ -70,12 +71,13 @@ TEST_CASE("exact weights and what is left of the light sum to one, and the gradi
             const Exact weight = transmittance * -std::expm1(-tau);
             transmittance *= std::exp(-tau);
             weight_sum += weight;
-            weights.push_back(weight), places.push_back(samples[i].t / 23);
+            const Exact place = samples[i].t / 23;
+            weights.push_back(weight), places.push_back(place <= 1 ? place : 1 + std::log(place));
             for (std::size_t c = 0; c < 4; ++c) mean[c] += weight * light.features[4 * i + c];
         }
         for (std::size_t i = 0; i < weights.size(); ++i)
             for (std::size_t j = 0; j < weights.size(); ++j)
-                distortion += weights[i] * weights[j] * std::abs(places[i] - places[j]);
+                distortion -= weights[i] * weights[j] * reach * std::expm1(-std::abs(places[i] - places[j]) / reach);
         Exact sum = transmittance * dl_dtransmittance + distortion * dl_ddistortion;
         for (std::size_t c = 0; c < 4; ++c) sum += mean[c] / weight_sum * dl_dmean[c];
         return sum;
