@@ -16,8 +16,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr unsigned kSeconds = 10;
-#ifndef __SANITIZE_ADDRESS__  // its shadow takes more than any limit
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // whose shadows take more than any limit
 constexpr rlim_t kBytes = rlim_t{2} << 30;
+#define NERFVDB_LIMITS_MEMORY
 #endif
 
 std::vector<fs::path> inputsOf(int argc, char** argv) {
@@ -34,7 +35,7 @@ std::vector<fs::path> inputsOf(int argc, char** argv) {
 }  // namespace
 
 int main(int argc, char** argv) {
-#ifndef __SANITIZE_ADDRESS__
+#ifdef NERFVDB_LIMITS_MEMORY
     const rlimit limit{kBytes, kBytes};
     setrlimit(RLIMIT_DATA, &limit);
 #endif
