@@ -3,8 +3,11 @@
 // directory; a directory is a count and entries of tag, type, count, value. JPEG: ITU-T T.81, annex B.1.1; PNG: eXIf.
 #include "core/exif_header.h"
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <istream>
+#include <string_view>
 
 namespace nerfvdb {
 namespace {
@@ -62,44 +65,57 @@ bool isSoundExif(std::string_view segment) {
     return Directories(segment).areSound();
 }
 
+/// The next bytes, or as many as there are.
+std::string take(std::istream& file, std::size_t count) {
+    std::string bytes(count, '\0');
+    file.read(bytes.data(), static_cast<std::streamsize>(count));
+    bytes.resize(static_cast<std::size_t>(file.gcount()));
+    return bytes;
+}
+
 /// Up to the first scan: what follows is no header. Bytes between segments are passed by, as decoders do.
-bool isSoundJpeg(std::string_view bytes) {
-    constexpr std::uint32_t kScan = 0xDA, kEnd = 0xD9, kApplication1 = 0xE1, kRestart0 = 0xD0, kStart = 0xD8, kTemporary = 0x01;
-    std::size_t pos = 2;  // after the start mark
-    while (pos + 4 <= bytes.size()) {
-        const std::uint32_t marker = numberAt(bytes, pos + 1, 1, true);
-        if (bytes[pos] != '\xFF' || marker == 0x00 || marker == 0xFF) {
-            ++pos;
-            continue;
-        }
-        pos += 2;
+bool isSoundJpeg(std::istream& file) {
+    constexpr int kScan = 0xDA, kEnd = 0xD9, kApplication1 = 0xE1, kRestart0 = 0xD0, kStart = 0xD8, kTemporary = 0x01;
+    while (file) {
+        if (file.get() != 0xFF) continue;
+        int marker = file.get();
+        while (marker == 0xFF) marker = file.get();
+        if (marker == 0x00 || (marker >= kRestart0 && marker <= kStart) || marker == kTemporary) continue;
         if (marker == kScan || marker == kEnd) break;
-        if ((marker >= kRestart0 && marker <= kStart) || marker == kTemporary) continue;
-        const std::size_t length = numberAt(bytes, pos, 2, true);  // its own two bytes counted
+        const std::string head = take(file, 2);
+        if (head.size() < 2) break;
+        const std::size_t length = numberAt(head, 0, 2, true);  // these two bytes counted
         if (length < 2) break;
-        if (marker == kApplication1 && !isSoundExif(bytes.substr(pos + 2, length - 2))) return false;
-        pos += length;
+        if (marker != kApplication1) file.seekg(static_cast<std::streamoff>(length - 2), std::ios::cur);
+        else if (!isSoundExif(take(file, length - 2))) return false;
     }
     return true;
 }
 
-bool isSoundPng(std::string_view bytes) {
-    constexpr std::size_t kSignature = 8, kHead = 8, kCheck = 4;
-    for (std::size_t pos = kSignature; pos + kHead <= bytes.size();) {
-        const std::size_t length = numberAt(bytes, pos, 4, true);
-        if (bytes.substr(pos + 4, 4) == "eXIf" && !isSoundExif(bytes.substr(pos + kHead, length))) return false;
-        pos += kHead + length + kCheck;
+/// Up to the pixels.
+bool isSoundPng(std::istream& file) {
+    constexpr std::streamoff kSignature = 8, kCheck = 4;
+    file.seekg(0, std::ios::end);
+    const std::streamoff size = file.tellg();
+    file.seekg(kSignature);
+    for (std::string head = take(file, 8); head.size() == 8 && !head.ends_with("IDAT"); head = take(file, 8)) {
+        const std::streamoff length = std::min<std::streamoff>(numberAt(head, 0, 4, true), size - file.tellg());
+        if (!head.ends_with("eXIf")) file.seekg(length, std::ios::cur);
+        else if (!isSoundExif(take(file, static_cast<std::size_t>(length)))) return false;
+        file.seekg(kCheck, std::ios::cur);
     }
     return true;
 }
 
 }  // namespace
 
-std::string exifProblem(std::string_view file) {
-    using namespace std::string_view_literals;
-    const bool is_sound = file.starts_with("\xFF\xD8\xFF"sv)         ? isSoundJpeg(file)
-                          : file.starts_with("\x89PNG\r\n\x1a\n"sv) ? isSoundPng(file)
-                                                                    : true;
+std::string exifProblem(std::istream& file) {
+    file.clear();
+    file.seekg(0);
+    const std::string first = take(file, 2);
+    const bool is_sound = first == "\xFF\xD8"  ? isSoundJpeg(file)
+                          : first == "\x89P" ? isSoundPng(file)
+                                             : true;
     return is_sound ? "" : "EXIF directories that lead into each other without end";
 }
 

@@ -3,13 +3,14 @@
 // Canon's maker note into whatever that points to, for as long as there is stack.
 #pragma once
 
+#include <iosfwd>
 #include <string>
-#include <string_view>
 
 namespace nerfvdb {
 
-/// What is wrong with the EXIF in a JPEG's or PNG's bytes, in a few words: its directories are nested deeper than any
-/// camera's (in a circle, for example), or have more entries altogether. Empty: nothing, or no EXIF.
-std::string exifProblem(std::string_view file);
+/// What is wrong with the EXIF of the JPEG or PNG in `file` (seekable, binary), in a few words: its
+/// directories are nested deeper than any camera's (in a circle, for example), or have more entries altogether. Empty:
+/// nothing, or no EXIF. Reads no pixels; leaves the stream anywhere.
+std::string exifProblem(std::istream& file);
 
 }  // namespace nerfvdb

@@ -73,7 +73,7 @@ void checkBeginning(const fs::path& path) {
     const std::string_view bytes(first.data(), static_cast<std::size_t>(file.gcount()));
     if (!isKnownFormat(bytes))
         throwUndecodable(path, bytes.empty() ? "an empty file" : "a file that begins as no image of these kinds");
-    if (const std::string problem = isExr(bytes) ? exrHeaderProblem(file) : exifProblem(readFile(path)); !problem.empty())
+    if (const std::string problem = isExr(bytes) ? exrHeaderProblem(file) : exifProblem(file); !problem.empty())
         throwUndecodable(path, problem);
 }
 
