@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "bench/number_text.h"
 #include "bench/repeat.h"
@@ -174,16 +175,22 @@ BenchResult readResult(const std::filesystem::path& path) {
     result.title = root.at("title").text();
     result.facts = factsFrom(root.at("facts"));
     const JsonNode columns = root.at("columns"), rows = root.at("rows");
+    std::set<std::string> column_names;
     for (std::size_t c = 0; c < columns.arraySize(); ++c) {
         const JsonNode node = columns.element(c);
+        if (!column_names.insert(node.at("name").text()).second)
+            node.fail("a second column of one name: " + node.at("name").text(), "each name once");
         result.columns.push_back({node.at("name").text(), node.at("unit").text(),
                                   enumFrom<Better>(node.at("better"), kBetter),
                                   enumFrom<Noise>(node.at("noise"), kNoise), node.at("min_share").number(),
                                   node.at("min_difference").number()});
     }
+    std::set<std::pair<std::string, std::string>> row_names;
     for (std::size_t r = 0; r < rows.arraySize(); ++r) {
         const JsonNode node = rows.element(r), cells = node.at("cells");
         BenchRow row{node.at("series").text(), node.at("label").text(), {}};
+        if (!row_names.emplace(row.series, row.label).second)
+            node.fail("a second row of one series and label: " + row.series + ", " + row.label, "each once");
         if (cells.arraySize() != result.columns.size())
             cells.fail(std::to_string(cells.arraySize()) + " cells",
                        std::to_string(result.columns.size()) + ", one a column");

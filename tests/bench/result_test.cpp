@@ -79,5 +79,7 @@ TEST_CASE("what is no result is refused with its place") {
     };
     refused(with("\"better\": \"lower\"", "\"better\": \"faster\""), "columns[1].better");
     refused(with("41.25", "\"high\""), "cells[2][0]");
+    refused(with("\"label\": \"1\"", "\"label\": \"0,5\""), "a second row of one series and label: step, 0,5");
+    refused(with("\"psnr\"", "\"seconds\""), "a second column of one name: seconds");
     CHECK_THROWS_AS(readResult(folder / "absent.json"), IoError);
 }
