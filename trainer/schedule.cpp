@@ -168,4 +168,6 @@ double distortionFactor(double progress) {
     return std::clamp(progress / kFull, 0.0, 1.0);
 }
 
+double skySmoothingFactor(double progress) { return std::pow(60.0, progress); }
+
 }  // namespace nerfvdb

@@ -29,7 +29,7 @@ struct StepRates {
     float features = 0.03f;
     float network = 3e-3f;
     float sky = 0.02f;
-    float sky_smoothing = 1e-3f;  // see Sky::smooth
+    float sky_smoothing = 1e-3f;  // see Sky::smooth; grows (skySmoothingFactor)
     float exposure = 5e-3f;
     float decay = 0.95f;     // of the voxels' second moments
     float epsilon = 1e-4f;   // on gradients summed over the batch

@@ -311,7 +311,7 @@ StepRates Training::rates() const {
     rates.features *= factor;
     rates.network *= factor;
     rates.sky *= factor;
-    rates.sky_smoothing *= factor;
+    rates.sky_smoothing *= factor * static_cast<float>(skySmoothingFactor(progress));
     rates.exposure *= factor;
     if (!state_.sky.isEmpty()) rates.density_smoothing = kOpenDensitySmoothing;
     // As smooth per world unit at every level: at large voxels neighbours differ more, and smoothing helps less.

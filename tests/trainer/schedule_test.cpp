@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "tests/support/catch.h"
+#include "trainer/train_step.h"
 
 using namespace nerfvdb;
 
@@ -178,6 +179,14 @@ TEST_CASE("the distortion loss grows evenly from nothing, and is whole before ra
     CHECK(distortionFactor(0.5) == 1);
     CHECK(rateFactor(0.5) == 1);
     CHECK(distortionFactor(1.1) == 1);
+}
+
+TEST_CASE("the sky is smoothed as it always was at first, and more and more, but never past its neighbours' mean") {
+    CHECK(skySmoothingFactor(0) == 1);
+    for (double progress = 0; progress < 1; progress += 0.01)
+        CHECK(skySmoothingFactor(progress + 0.01) > skySmoothingFactor(progress));
+    CHECK(skySmoothingFactor(1) == Approx(60));
+    CHECK(StepRates{}.sky_smoothing * skySmoothingFactor(1) < 1);
 }
 
 TEST_CASE("rates stay, then fall without a jump, and end well above zero") {
