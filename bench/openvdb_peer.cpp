@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-#include <openvdb/openvdb.h>
 #include <openvdb/tools/VolumeToMesh.h>
 
 #include <memory>
 #include <vector>
 
 #include "bench/mesh_peers.h"
+#include "vdb/openvdb_grids.h"
 
 namespace nerfvdb {
 

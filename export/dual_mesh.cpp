@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "export/dual_mesh.h"
 
-#include <openvdb/openvdb.h>
 #include <openvdb/tools/VolumeToMesh.h>
 
 #include <Eigen/Geometry>
 
+#include "vdb/openvdb_grids.h"
 #include "vdb/topology_tree.h"
 #include "vdb/vdb_file.h"
 

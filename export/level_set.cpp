@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "export/level_set.h"
 
-#include <openvdb/openvdb.h>
 #include <openvdb/tools/MeshToVolume.h>
 
 #include <string>
 
 #include "core/error.h"
+#include "vdb/openvdb_grids.h"
 #include "vdb/vdb_file.h"
 
 namespace nerfvdb {

@@ -2,8 +2,7 @@
 // The OpenVDB side of a topology; included only by .cpp files that work on trees (the header is heavy).
 #pragma once
 
-#include <openvdb/openvdb.h>
-
+#include "vdb/openvdb_grids.h"
 #include "vdb/topology.h"
 
 namespace nerfvdb {

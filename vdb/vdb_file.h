@@ -4,11 +4,10 @@
 // heavy).
 #pragma once
 
-#include <openvdb/openvdb.h>
-
 #include <filesystem>
 #include <string>
 
+#include "vdb/openvdb_grids.h"
 #include "vdb/voxel_field.h"
 
 namespace nerfvdb {

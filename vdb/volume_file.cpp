@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vdb/volume_file.h"
 
-#include <openvdb/openvdb.h>
-
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -10,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "vdb/openvdb_grids.h"
 #include "vdb/topology_tree.h"
 #include "vdb/vdb_file.h"
 

@@ -63,7 +63,7 @@ fence() {
             grep -vE "^($files):" || true)
 }
 
-fence OpenVDB 'openvdb/' '(vdb|export)/[a-z0-9_]+\.cpp|vdb/(topology_tree|vdb_file)\.h|bench/openvdb_peer\.cpp'
+fence OpenVDB 'openvdb/' '(vdb|export)/[a-z0-9_]+\.cpp|vdb/(openvdb_grids|topology_tree|vdb_file)\.h|bench/openvdb_peer\.cpp'
 fence OpenImageIO 'OpenImageIO/' 'core/image\.cpp'
 fence Highway 'hwy/' 'core/simd/.*'
 fence TBB '(tbb|oneapi)/' 'core/parallel\.h'

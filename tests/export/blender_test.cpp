@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What Blender makes of files like the exported ones, held against a march along rays that is spelt out here. The
 // program's own exports are shown to Blender in tests/cli.
-#include <openvdb/openvdb.h>
 #include <openvdb/tools/Interpolation.h>
 
 #include <cmath>
@@ -17,6 +16,7 @@
 #include "tests/support/catch.h"
 #include "tests/support/data.h"
 #include "tests/support/temp_dir.h"
+#include "vdb/openvdb_grids.h"
 
 using namespace nerfvdb;
 

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "export/level_set.h"
 
-#include <openvdb/openvdb.h>
 #include <openvdb/tools/Interpolation.h>
 
 #include "core/atomic_file.h"
@@ -11,6 +10,7 @@
 #include "tests/support/grid_field.h"
 #include "tests/support/meshing.h"
 #include "tests/support/temp_dir.h"
+#include "vdb/openvdb_grids.h"
 
 using namespace nerfvdb;
 

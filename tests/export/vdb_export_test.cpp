@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "export/vdb_export.h"
 
-#include <openvdb/openvdb.h>
-
 #include <cmath>
 #include <cstdlib>
 #include <fstream>
@@ -19,6 +17,7 @@
 #include "tests/support/seen_model.h"
 #include "tests/support/temp_dir.h"
 #include "vdb/model_file.h"
+#include "vdb/openvdb_grids.h"
 #include "vdb/volume_file.h"
 #include "vdb/volume_renderer.h"
 

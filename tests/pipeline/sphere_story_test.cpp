@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The whole story on the smallest scene: photographs in, a model that shows held-out views, a file that repeats
 // it, a volume and a mesh out.
-#include <openvdb/openvdb.h>
 
 #include <algorithm>
 #include <cmath>
@@ -19,6 +18,7 @@
 #include "trainer/evaluate.h"
 #include "trainer/trainer.h"
 #include "vdb/model_file.h"
+#include "vdb/openvdb_grids.h"
 #include "vdb/vdb_file.h"
 
 using namespace nerfvdb;

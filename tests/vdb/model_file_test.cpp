@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vdb/model_file.h"
 
-#include <openvdb/openvdb.h>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -20,6 +19,7 @@
 #include "tests/support/nested_field.h"
 #include "tests/support/shell_model.h"
 #include "tests/support/temp_dir.h"
+#include "vdb/openvdb_grids.h"
 #include "vdb/value_steps.h"
 #include "vdb/vdb_file.h"
 #include "vdb/vdb_seal.h"

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vdb/volume_file.h"
 
-#include <openvdb/openvdb.h>
-
 #include <algorithm>
 #include <cmath>
 #include <fstream>
@@ -16,6 +14,7 @@
 #include "tests/support/random_volume.h"
 #include "tests/support/small_disk.h"
 #include "tests/support/temp_dir.h"
+#include "vdb/openvdb_grids.h"
 
 using namespace nerfvdb;
 using Catch::Matchers::Contains;
