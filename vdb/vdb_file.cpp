@@ -33,7 +33,7 @@ DataError tooLarge(const std::filesystem::path& path) {
 /// Archive's own writing into a stream of ours: io::File would not tell that the disk is full.
 class StreamArchive : public openvdb::io::Archive {
 public:
-    void write(std::ostream& out, const openvdb::GridCPtrVec& grids, const openvdb::MetaMap& metadata) const {
+    void writeSeekable(std::ostream& out, const openvdb::GridCPtrVec& grids, const openvdb::MetaMap& metadata) const {
         constexpr bool kSeekable = true;
         Archive::write(out, grids, kSeekable, metadata);
     }
@@ -71,7 +71,7 @@ void writeVdb(const std::filesystem::path& path, const openvdb::GridCPtrVec& gri
                 out.open(temporary, std::ios::binary);
                 StreamArchive archive;
                 archive.setCompression(openvdb::io::COMPRESS_BLOSC | openvdb::io::COMPRESS_ACTIVE_MASK);
-                archive.write(out, grids, metadata);
+                archive.writeSeekable(out, grids, metadata);
                 out.close();
             }
             std::string bytes = readFile(temporary);
