@@ -63,7 +63,8 @@ fence() {
             grep -vE "^($files):" || true)
 }
 
-fence OpenVDB 'openvdb/' '(vdb|export)/[a-z0-9_]+\.cpp|vdb/(openvdb_grids|topology_tree|vdb_file)\.h|bench/openvdb_peer\.cpp'
+fence OpenVDB 'openvdb/' '(vdb|export)/[a-z0-9_]+\.cpp|vdb/openvdb_grids\.h|bench/openvdb_peer\.cpp'
+fence "OpenVDB's grids" 'openvdb/openvdb\.h' 'vdb/openvdb_grids\.h'
 fence OpenImageIO 'OpenImageIO/' 'core/image\.cpp'
 fence Highway 'hwy/' 'core/simd/.*'
 fence TBB '(tbb|oneapi)/' 'core/parallel\.h'
