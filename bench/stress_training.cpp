@@ -351,7 +351,7 @@ std::vector<StressRow> stressInput(const std::filesystem::path& scratch, std::in
 
 std::vector<StressRow> stressSeeds(const SeedStressOptions& options, Report& report) {
     SyntheticDatasetOptions pictures;
-    pictures.train_views = options.views, pictures.val_views = 0, pictures.test_views = 8;
+    pictures.train_views = pictures.test_views = options.views, pictures.val_views = 0;
     pictures.width = pictures.height = options.size;
     std::vector<StressRow> rows;
     for (const std::string& name : options.scenes) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <limits>
 #include <vector>
 
@@ -14,7 +15,12 @@ namespace {
 
 constexpr int kRays = 1024;
 constexpr int kTileRays = 256;
-constexpr std::array<float, 10> kMinAlphas = {1e-2f, 5e-3f, 2e-3f, 1e-3f, 5e-4f, 2e-4f, 1e-4f, 5e-5f, 2e-5f, 1e-5f};
+/// From 1e-2 down to 1e-5: small steps, so that chance does not decide between two that end far apart.
+constexpr auto kMinAlphas = [] {
+    std::array<float, 25> alphas{1e-2f};
+    for (std::size_t k = 1; k < alphas.size(); ++k) alphas[k] = 0.75f * alphas[k - 1];
+    return alphas;
+}();
 constexpr std::uint64_t kStream = std::uint64_t{1} << 62;  // steps that no training step has: other rays
 
 /// The largest raw density of a cell's corners: what findOccupied judges it by.
@@ -37,8 +43,9 @@ float chooseMinAlpha(const VoxelField& field, const RaySource& source, std::uint
     std::array<float, kMinAlphas.size()> min_raw;
     for (std::size_t k = 0; k < kMinAlphas.size(); ++k) min_raw[k] = rawFromVoxelAlpha(field, kMinAlphas[k]);
 
-    // hidden[k][ray]: light in cells below the k-th threshold.
+    // hidden[k][ray]: light in cells below the k-th threshold; passed[k]: more light behind all rays without them.
     std::array<std::vector<float>, kMinAlphas.size()> hidden;
+    std::array<double, kMinAlphas.size()> passed{};
     RayTracer tracer(kTileRays);
     KeptSamples kept;
     for (int first = 0; first < kRays; first += kTileRays) {
@@ -49,20 +56,34 @@ float chooseMinAlpha(const VoxelField& field, const RaySource& source, std::uint
             tracer.addRay(scene, drawn.ray, all_weights.step_voxels, drawn.jitter);
         }
         tracer.trace(scene, all_weights, kept);
-        std::array<std::array<float, kTileRays>, kMinAlphas.size()> sums{};
+        std::array<std::array<float, kTileRays>, kMinAlphas.size()> weights{}, taus{};
         for (int i = 0; i < kept.n; ++i) {
             const float raw = densestCorner(scene.bricks, kept.leaf[i], kept.cell[i]);
-            for (std::size_t k = 0; k < kMinAlphas.size() && raw < min_raw[k]; ++k)
-                sums[k][static_cast<std::size_t>(kept.ray[i])] += kept.weight[i];
+            const auto end = std::partition_point(min_raw.begin(), min_raw.end(), [raw](float m) { return raw < m; });
+            if (end == min_raw.begin()) continue;
+            const auto k = static_cast<std::size_t>(end - min_raw.begin() - 1), r = static_cast<std::size_t>(kept.ray[i]);
+            weights[k][r] += kept.weight[i];
+            taus[k][r] += kept.tau[i];
         }
+        // What hides below a threshold hides below every larger one.
+        for (std::size_t k = kMinAlphas.size() - 1; k > 0; --k)
+            for (std::size_t r = 0; r < kTileRays; ++r) {
+                weights[k - 1][r] += weights[k][r];
+                taus[k - 1][r] += taus[k][r];
+            }
         for (std::size_t k = 0; k < kMinAlphas.size(); ++k)
-            for (const std::int32_t r : tracer.litRays()) hidden[k].push_back(sums[k][static_cast<std::size_t>(r)]);
+            for (const std::int32_t ray : tracer.litRays()) {
+                const auto r = static_cast<std::size_t>(ray);
+                hidden[k].push_back(weights[k][r]);
+                passed[k] += tracer.transmittance()[r] * std::expm1(static_cast<double>(taus[k][r]));
+            }
     }
     if (hidden[0].empty()) return kMinAlphas.front();
 
+    const auto rays = static_cast<double>(hidden[0].size());
     for (std::size_t k = 0; k < kMinAlphas.size(); ++k) {
         const auto beyond = std::count_if(hidden[k].begin(), hidden[k].end(), [](float h) { return h > kMostHidden; });
-        if (static_cast<double>(beyond) <= kRaysBeyond * static_cast<double>(hidden[k].size())) return kMinAlphas[k];
+        if (static_cast<double>(beyond) <= kRaysBeyond * rays && passed[k] <= kMostPassed * rays) return kMinAlphas[k];
     }
     return kMinAlphas.back();
 }
