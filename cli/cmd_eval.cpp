@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // nerfvdb eval: how close a model comes to photographs that it has not seen.
+#include <array>
+
 #include "cli/commands.h"
 #include "cli/dataset_words.h"
 #include "cli/debug_ray.h"
 #include "cli/output_path.h"
 #include "cli/photo_words.h"
+#include "cli/pictures_for_eyes.h"
 #include "cli/process.h"
 #include "cli/scene_words.h"
 #include "core/error.h"
@@ -17,7 +20,7 @@ namespace {
 
 struct EvalWords {
     SceneWords scene;
-    std::string data, save, debug_ray;
+    std::string data, save, beside, debug_ray;
     DatasetWords dataset;
     PhotoWords photos;
     int every = 1;
@@ -70,6 +73,7 @@ std::string evaluationText(const Evaluation& evaluation) {
 void runEval(const EvalWords& words) {
     const auto limit = words.shared.begin();
     if (!words.save.empty()) prepareOutputFolder("--save", words.save);
+    if (!words.beside.empty()) prepareOutputFolder("--beside", words.beside);
     TerminalReport report;
     DatasetOptions photographs;
     words.photos.apply(photographs);
@@ -86,9 +90,12 @@ void runEval(const EvalWords& words) {
     const std::unique_ptr<Scene> scene = words.scene.load(false);
     const Dataset dataset = words.dataset.read(words.data, photographs, report);
 
-    const auto save = [&](const ViewScore& score, const Image& rgb) {
-        if (!words.save.empty())
-            writeImage(std::filesystem::path(words.save) / formatted("%04zu.png", score.index), rgb);
+    const auto save = [&](const ViewScore& score, const RenderedImage& picture, const Image& truth) {
+        const std::string name = formatted("%04zu.png", score.index);
+        if (!words.save.empty()) writeImage(std::filesystem::path(words.save) / name, picture.rgb);
+        if (!words.beside.empty())
+            writeImage(std::filesystem::path(words.beside) / name,
+                       sideBySide(std::array{truth, picture.rgb, depthForEyes(picture.depth)}));
     };
     const Evaluation evaluation = evaluate([&](const Camera& camera) { return scene->render(camera); },
                                            scene->background(), dataset, words.every, report, save);
@@ -111,11 +118,15 @@ Command addEval(CLI::App& program) {
         ->type_name("N");
     app.add_option("--save", words->save, "Write the rendered views there: 0000.png, ... by index of the view")
         ->type_name("DIR");
+    app.add_option("--beside", words->beside,
+                   "Write photograph, rendered view and depth (near is white) there, side by side: 0000.png, ...")
+        ->type_name("DIR");
     app.add_option("--debug-ray", words->debug_ray,
                    "Instead of scoring, print each sample of the ray through one pixel of a model's picture; IMAGE is "
                    "the view's number or the end of its file's path")
         ->type_name("IMAGE:X:Y");
-    words->shared.add(app, "  nerfvdb eval lego.vdb data/lego --split test --json scores.json");
+    words->shared.add(app, "  nerfvdb eval lego.vdb data/lego --split test --json scores.json\n"
+                           "  nerfvdb eval fox.vdb data/fox --beside views");
     return {&app, [words] { runEval(*words); }};
 }
 

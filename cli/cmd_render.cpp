@@ -9,6 +9,7 @@
 #include "cli/commands.h"
 #include "cli/dataset_words.h"
 #include "cli/output_path.h"
+#include "cli/pictures_for_eyes.h"
 #include "cli/process.h"
 #include "cli/scene_words.h"
 #include "core/error.h"
@@ -50,29 +51,6 @@ std::vector<Camera> findCameras(const RenderWords& words, const Scene& scene, Re
     for (const View& view : words.dataset.read(words.data, {.load_photos = false}, report).views) cameras.push_back(view.camera);
     resizeCameras(cameras, words.width, words.height);
     return cameras;
-}
-
-/// Near is white, far is dark, nothing is black; by the logarithm, or all of a place would be white but its horizon.
-Image depthForEyes(const Image& depth) {
-    const float farthest = *std::max_element(depth.pixels.begin(), depth.pixels.end());
-    float nearest = farthest;
-    for (const float value : depth.pixels)
-        if (value > 0) nearest = std::min(nearest, value);
-    Image picture(depth.width, depth.height, 1);
-    for (std::size_t i = 0; i < depth.pixels.size(); ++i) {
-        if (depth.pixels[i] <= 0) continue;
-        const float share =
-            farthest > nearest ? std::log(depth.pixels[i] / nearest) / std::log(farthest / nearest) : 0.0f;
-        picture.pixels[i] = 1.0f - 0.9f * share;
-    }
-    return picture;
-}
-
-/// The usual colours of normals: x, y, z in [-1, 1] as red, green, blue in [0, 1].
-Image normalsForEyes(const Image& normal) {
-    Image picture = normal;
-    for (float& value : picture.pixels) value = 0.5f + 0.5f * value;
-    return picture;
 }
 
 void writePictures(const RenderWords& words, std::size_t index, const RenderedImage& rendered) {

@@ -45,14 +45,14 @@ Image photoOver(const Photo& photo, const Vec3f& background) {
 }
 
 Evaluation evaluate(const Model& model, const Dataset& dataset, const EvaluateOptions& options, Report& report,
-                    const std::function<void(const ViewScore&, const Image& rgb)>& on_view) {
+                    const OnView& on_view) {
     const Renderer renderer(model, options.render);
     return evaluate([&](const Camera& camera) { return renderer.render(camera); }, model.background, dataset,
                     options.every, report, on_view);
 }
 
 Evaluation evaluate(const RenderView& render, const Vec3f& background, const Dataset& dataset, int every_nth,
-                    Report& report, const std::function<void(const ViewScore&, const Image& rgb)>& on_view) {
+                    Report& report, const OnView& on_view) {
     if (every_nth < 1) throw UsageError("every", std::to_string(every_nth), "a positive number of views");
     if (dataset.views.empty()) throw DataError(dataset.root.string(), "no views", "at least one view to score");
     for (const View& view : dataset.views)
@@ -87,7 +87,7 @@ Evaluation evaluate(const RenderView& render, const Vec3f& background, const Dat
         result.masked_share += score.masked_share;
         result.seconds_per_frame += score.seconds;
         result.counters += score.counters;
-        if (on_view) on_view(score, picture.rgb);
+        if (on_view) on_view(score, picture, truth);
         result.views.push_back(score);
         const auto n = static_cast<double>(result.views.size());
         report.update(static_cast<std::int64_t>(result.views.size()), decibels(result.psnr / n));

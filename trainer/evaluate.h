@@ -41,14 +41,16 @@ Image photoOver(const Photo& photo, const Vec3f& background);
 /// Makes the picture of a view.
 using RenderView = std::function<RenderedImage(const Camera& camera)>;
 
-/// Renders and scores views at the full size of their photographs, which must be loaded; `on_view` gets each
-/// score with its picture, in order. Pixels that a view's mask leaves out are not compared.
+/// Gets a view's score, its picture and its photograph (photoOver).
+using OnView = std::function<void(const ViewScore& score, const RenderedImage& picture, const Image& truth)>;
+
+/// Renders and scores views at the full size of their photographs, which must be loaded; `on_view` gets one after the other. Pixels that a view's mask leaves out are not compared.
 /// Throws UsageError (`every` not positive), DataError (no views; a photograph whose size is not its camera's),
 /// Interrupted when the report is cancelled.
 Evaluation evaluate(const RenderView& render, const Vec3f& background, const Dataset& dataset, int every_nth,
-                    Report& report, const std::function<void(const ViewScore&, const Image& rgb)>& on_view = {});
+                    Report& report, const OnView& on_view = {});
 /// The same of a model.
 Evaluation evaluate(const Model& model, const Dataset& dataset, const EvaluateOptions& options, Report& report,
-                    const std::function<void(const ViewScore&, const Image& rgb)>& on_view = {});
+                    const OnView& on_view = {});
 
 }  // namespace nerfvdb

@@ -246,10 +246,11 @@ test_story() {
     [[ "$(head -n 1 model.csv)" == "step,seconds,loss,psnr,rays,voxels" ]] || fail "model.csv has another head"
     [[ $(wc -l <model.csv) -ge 2 ]] || fail "model.csv is empty"
 
-    expect 0 eval model.vdb data --split test --every 2 --json - --save views
+    expect 0 eval model.vdb data --split test --every 2 --json - --save views --beside beside
     has_keys out psnr ssim seconds_per_frame samples_per_ray views peak_memory_bytes rays_skipped_share \
         feature_share_of_dense
     [[ "$(ls views)" == $'0000.png\n0002.png' ]] || fail "--every 2 of 3 views saved: $(ls views)"
+    [[ "$(ls beside)" == "$(ls views)" ]] || fail "beside the photographs: $(ls beside)"
 
     expect 0 info model.vdb --json -
     has_keys out grids active_voxels leaves resolution bounds voxel_size memory_bytes
@@ -848,6 +849,7 @@ mesh.glb mesh model.vdb --out mesh.glb
 views/0000.png render model.vdb --data data --split test --out views
 orbit/0000.png render model.vdb --orbit 1 --width 200 --height 200 --out orbit
 saved/0000.png eval model.vdb data --save saved
+beside/0000.png eval model.vdb data --beside beside
 scores.json eval model.vdb data --json scores.json
 made/transforms_train.json synth sphere --out made --views 2 --val-views 0 --test-views 0 --width 48 --height 48 --no-truth"
 

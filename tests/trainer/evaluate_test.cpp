@@ -50,9 +50,10 @@ TEST_CASE("scores are means over views", "[trainer]") {
     Report silent;
 
     std::vector<std::size_t> seen;
-    const Evaluation all = evaluate(model, dataset, {}, silent, [&](const ViewScore& score, const Image& rgb) {
+    const Evaluation all = evaluate(model, dataset, {}, silent, [&](const ViewScore& score, const RenderedImage& picture, const Image& truth) {
         seen.push_back(score.index);
-        CHECK(rgb.width == 16);
+        CHECK(psnr(picture.rgb, truth) == score.psnr);
+        CHECK(picture.depth.width == 16);
     });
     CHECK(seen == std::vector<std::size_t>{0, 1, 2});
     // The mean of the views' PSNR, not the PSNR of the mean error.
