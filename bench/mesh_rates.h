@@ -20,8 +20,8 @@ struct MeshRateOptions {
 /// each way: nerfvdb's extractSurface with normals, and its peers (mesh_peers.h). Columns: seconds,
 /// cpu_seconds, triangles, triangles_per_s by the wall, triangles_per_cpu_s (a core's rate on a machine that
 /// others use, too), and memory_over_output: the peak beyond what was in use before, over the bytes of the
-/// mesh. With a scratch folder series "writing .vdb" more, of a shell in half the box: exportVdb, and OpenVDB
-/// alone with the same grids; their column is voxels_per_s, active voxels of the density.
+/// mesh. With a scratch folder series "making a .vdb" more, of a shell in half the box: exportVdb from the model,
+/// writeVolume from the voxels, and OpenVDB with the grids made; their column is voxels_per_s, active voxels of the density.
 BenchResult benchMesh(const MeshRateOptions& options, Report& report);
 
 /// Triangles a second.

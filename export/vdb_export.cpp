@@ -26,12 +26,15 @@ constexpr double kMinAlphaUnseen = 1e-3, kMinAlphaSeen = 1e-5;
 std::pair<Vec3i, Vec3i> activeBox(const Volume& volume) {
     const Topology& topology = volume.topology();
     Vec3i low = topology.dims(), high = Vec3i::Constant(-1);
-    for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf)
+    for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf) {
+        const Vec3i first = topology.leafCoords()[leaf] * kLeafDim;
+        if ((first.array() >= low.array()).all() && (first.array() + kLeafDim - 1 <= high.array()).all()) continue;
         forEachBit(volume.active()[leaf], [&](int offset) {
-            const Vec3i voxel = topology.leafCoords()[leaf] * kLeafDim + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
+            const Vec3i voxel = first + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
             low = low.cwiseMin(voxel);
             high = high.cwiseMax(voxel);
         });
+    }
     return {low, high};
 }
 

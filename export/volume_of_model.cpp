@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <optional>
 #include <string>
@@ -52,46 +53,51 @@ SumLeaves spread(const VoxelField& field, double voxel_scale) {
     return sums;
 }
 
+/// What a voxel that is worth keeping has at least; not zero, which would be no voxel of a volume.
+double leastSigma(double voxel_size, double min_alpha) {
+    return std::max<double>(-std::log1p(-min_alpha) / voxel_size, std::numeric_limits<float>::min());
+}
+
 /// Voxels of a leaf that are worth keeping, of sigma [512].
 LeafMask visibleVoxels(const float* sigma, double voxel_size, double min_alpha) {
-    const double min_sigma = -std::log1p(-min_alpha) / voxel_size;
+    const double least = leastSigma(voxel_size, min_alpha);
     LeafMask mask{};
     for (int offset = 0; offset < kLeafVoxels; ++offset)
-        if (sigma[offset] > 0 && sigma[offset] >= min_sigma) setBit(mask, offset);
+        if (sigma[offset] >= least) setBit(mask, offset);
     return mask;
 }
 
-/// `sigmaOf(leaf coordinate, sigma [512])` says what fills the volume.
+/// `sigmaOf(leaf coordinate, voxels that matter, sigma [512])` says what fills the volume.
 template <typename SigmaOf>
 Volume makeVolume(const std::vector<Topology::LeafCells>& active, const GridFrame& frame, const SigmaOf& sigmaOf) {
     Volume volume(active, frame);
     const float opaque = volumeSigma(kMaxRaw, 1e30, frame.voxel_size);
     parallelFor(volume.topology().leafCount(), [&](std::size_t leaf) {
-        if (volume.active()[leaf] == LeafMask{}) return;
+        const LeafMask& wanted = volume.active()[leaf];
+        if (wanted == LeafMask{}) return;
         std::array<float, kLeafVoxels> sigma;
-        sigmaOf(volume.topology().leafCoords()[leaf] + volume.firstVoxel() / kLeafDim, sigma.data());
-        forEachBit(volume.active()[leaf], [&](int offset) {
-            volume.sigma()[leaf * kLeafVoxels + offset] = std::min(sigma[offset], opaque);
-        });
+        sigmaOf(volume.topology().leafCoords()[leaf] + volume.firstVoxel() / kLeafDim, wanted, sigma.data());
+        forEachBit(wanted, [&](int offset) { volume.sigma()[leaf * kLeafVoxels + offset] = std::min(sigma[offset], opaque); });
     });
     return volume;
 }
 
 Volume onOwnVoxels(const VoxelField& field, double min_alpha) {
     const Topology& topology = field.topology();
-    std::vector<float> sigma(topology.leafCount() * kLeafVoxels, 0.0f);
+    const auto min_raw = static_cast<float>(std::log(leastSigma(field.frame().voxel_size, min_alpha) / field.densityScale()));
     std::vector<Topology::LeafCells> active(topology.leafCount());
     parallelFor(topology.leafCount(), [&](std::size_t leaf) {
+        active[leaf].leaf = topology.leafCoords()[leaf];
         forEachBit(topology.voxels()[leaf], [&](int offset) {
-            const std::size_t i = leaf * kLeafVoxels + offset;
-            sigma[i] = volumeSigma(field.density()[i], field.densityScale(), field.frame().voxel_size);
+            if (field.density()[leaf * kLeafVoxels + offset] >= min_raw) setBit(active[leaf].cells, offset);
         });
-        const Vec3i coord = topology.leafCoords()[leaf];
-        active[leaf] = {coord, visibleVoxels(&sigma[leaf * kLeafVoxels], field.frame().voxel_size, min_alpha)};
     });
     std::erase_if(active, [](const Topology::LeafCells& entry) { return entry.cells == LeafMask{}; });
-    return makeVolume(active, field.frame(), [&](const Vec3i& leaf, float* out) {
-        std::copy_n(&sigma[static_cast<std::size_t>(topology.findLeaf(leaf)) * kLeafVoxels], kLeafVoxels, out);
+    return makeVolume(active, field.frame(), [&](const Vec3i& leaf, const LeafMask& wanted, float* sigma) {
+        const float* const raw = &field.density()[static_cast<std::size_t>(topology.findLeaf(leaf)) * kLeafVoxels];
+        forEachBit(wanted, [&](int offset) {
+            sigma[offset] = volumeSigma(raw[offset], field.densityScale(), field.frame().voxel_size);
+        });
     });
 }
 
@@ -139,7 +145,7 @@ Volume onFinerVoxels(const VoxelField& field, int times, double min_alpha) {
         active[i].cells = visibleVoxels(sigma.data(), frame.voxel_size, min_alpha);
     });
     std::erase_if(active, [](const Topology::LeafCells& entry) { return entry.cells == LeafMask{}; });
-    return makeVolume(active, frame, [&](const Vec3i& leaf, float* sigma) { sigmaOf(leaf, sigma); });
+    return makeVolume(active, frame, [&](const Vec3i& leaf, const LeafMask&, float* sigma) { sigmaOf(leaf, sigma); });
 }
 
 Volume onCoarserVoxels(const VoxelField& field, const VolumeGridOptions& options) {
@@ -149,7 +155,7 @@ Volume onCoarserVoxels(const VoxelField& field, const VolumeGridOptions& options
     for (const auto& [coord, leaf] : sums)
         if (const LeafMask mask = visibleVoxels(leaf.sigma.data(), frame.voxel_size, options.min_alpha); mask != LeafMask{})
             active.push_back({coord, mask});
-    return makeVolume(active, frame, [&](const Vec3i& leaf, float* out) {
+    return makeVolume(active, frame, [&](const Vec3i& leaf, const LeafMask&, float* out) {
         std::copy_n(sums.at(leaf).sigma.data(), kLeafVoxels, out);
     });
 }

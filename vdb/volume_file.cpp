@@ -3,6 +3,7 @@
 
 #include <Eigen/LU>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <new>
 
@@ -38,8 +39,13 @@ openvdb::math::Transform::Ptr volumeTransform(const Volume& volume) {
     return transform;
 }
 
+/// Of values that are not negative, whole leaves of them.
 float largestOf(std::span<const float> values) {
-    return values.empty() ? 0.0f : *std::max_element(values.begin(), values.end());
+    std::array<float, 16> largest{};  // side by side: a maximum need not wait for the one before
+    for (std::size_t i = 0; i < values.size(); i += largest.size())
+        for (std::size_t lane = 0; lane < largest.size(); ++lane)
+            largest[lane] = std::max(largest[lane], values[i + lane]);
+    return *std::max_element(largest.begin(), largest.end());
 }
 
 /// A grid whose leaves `makeLeaf(leaf number, origin)` gives, null where there is none.
@@ -60,13 +66,14 @@ typename Grid::Ptr gridOfLeaves(const Volume& volume, const typename Grid::Value
 
 openvdb::FloatGrid::Ptr densityGrid(const Volume& volume) {
     return gridOfLeaves<openvdb::FloatGrid>(volume, 0.0f, [&](std::size_t leaf, const openvdb::Coord& origin) {
-        const float* const sigma = &volume.sigma()[leaf * kLeafVoxels];
-        FloatLeaf* made = nullptr;
-        for (int offset = 0; offset < kLeafVoxels; ++offset) {
-            if (!(sigma[offset] > 0)) continue;
-            if (!made) made = new FloatLeaf(origin, 0.0f);
-            made->setValueOn(offset, sigma[offset]);
-        }
+        const std::span<const float> sigma = volume.sigma().subspan(leaf * kLeafVoxels, kLeafVoxels);
+        LeafMask mask{};
+        for (int offset = 0; offset < kLeafVoxels; ++offset)
+            mask[offset >> 6] |= std::uint64_t{sigma[offset] > 0} << (offset & 63);
+        if (mask == LeafMask{}) return static_cast<FloatLeaf*>(nullptr);
+        auto* const made = new FloatLeaf(origin, 0.0f);
+        std::copy(sigma.begin(), sigma.end(), made->buffer().data());
+        made->setValueMask(nodeMask(mask));
         return made;
     });
 }

@@ -180,7 +180,7 @@ TEST_CASE("bench mesh: each way has the same surface, and memory and rates are t
     }
     CHECK(std::filesystem::is_empty(folder.path()));
     for (const BenchRow& row : result.rows)
-        if (row.series.rfind("writing .vdb", 0) == 0) CHECK(result.median(row, "voxels_per_s") > 0);
+        if (row.series.rfind("making a .vdb", 0) == 0) CHECK(result.median(row, "voxels_per_s") > 0);
 }
 
 TEST_CASE("bench quality: separate runs with repeats, looks at one run, nothing left behind") {
