@@ -74,6 +74,8 @@ void runEval(const EvalWords& words) {
     const auto limit = words.shared.begin();
     if (!words.save.empty()) prepareOutputFolder("--save", words.save);
     if (!words.beside.empty()) prepareOutputFolder("--beside", words.beside);
+    if (!words.save.empty() && !words.beside.empty() && std::filesystem::equivalent(words.save, words.beside))
+        throw UsageError("--beside", "the folder of --save", "another folder", "their files have the same names");
     TerminalReport report;
     DatasetOptions photographs;
     words.photos.apply(photographs);

@@ -2,7 +2,6 @@
 // nerfvdb render: pictures of a model or a volume from the cameras of a data set, of a path file, or around it.
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <numbers>
 
 #include "cli/camera_path.h"

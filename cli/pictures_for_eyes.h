@@ -8,8 +8,8 @@
 
 namespace nerfvdb {
 
-/// Distances in grey: near is white, far is dark, nothing (0) is black; by the logarithm, or all of a place would be white but
-/// its horizon. 1 channel to 1.
+/// Distances in grey: near is white, far is dark, nothing (0) is black; by the logarithm, or all of a place would be
+/// white but its horizon. 1 channel to 1.
 Image depthForEyes(const Image& depth);
 
 /// The usual colours of normals: x, y, z in [-1, 1] as red, green, blue in [0, 1].

@@ -77,14 +77,20 @@ Volume makeVolume(const std::vector<Topology::LeafCells>& active, const GridFram
         if (wanted == LeafMask{}) return;
         std::array<float, kLeafVoxels> sigma;
         sigmaOf(volume.topology().leafCoords()[leaf] + volume.firstVoxel() / kLeafDim, wanted, sigma.data());
-        forEachBit(wanted, [&](int offset) { volume.sigma()[leaf * kLeafVoxels + offset] = std::min(sigma[offset], opaque); });
+        forEachBit(wanted, [&](int offset) {
+            volume.sigma()[leaf * kLeafVoxels + offset] = std::min(sigma[offset], opaque);
+        });
     });
     return volume;
 }
 
 Volume onOwnVoxels(const VoxelField& field, double min_alpha) {
     const Topology& topology = field.topology();
-    const auto min_raw = static_cast<float>(std::log(leastSigma(field.frame().voxel_size, min_alpha) / field.densityScale()));
+    // By the logarithm: no exponential for what is left out. Nothing is more opaque than volumeSigma makes it.
+    const double least = leastSigma(field.frame().voxel_size, min_alpha);
+    const float min_raw = least <= volumeSigma(kMaxRaw, 1e30, field.frame().voxel_size)
+                              ? static_cast<float>(std::log(least / field.densityScale()))
+                              : std::numeric_limits<float>::infinity();
     std::vector<Topology::LeafCells> active(topology.leafCount());
     parallelFor(topology.leafCount(), [&](std::size_t leaf) {
         active[leaf].leaf = topology.leafCoords()[leaf];

@@ -44,7 +44,8 @@ using RenderView = std::function<RenderedImage(const Camera& camera)>;
 /// Gets a view's score, its picture and its photograph (photoOver).
 using OnView = std::function<void(const ViewScore& score, const RenderedImage& picture, const Image& truth)>;
 
-/// Renders and scores views at the full size of their photographs, which must be loaded; `on_view` gets one after the other. Pixels that a view's mask leaves out are not compared.
+/// Renders and scores views at the full size of their photographs, which must be loaded, and hands each to `on_view`, in
+/// order. Pixels that a view's mask leaves out are not compared.
 /// Throws UsageError (`every` not positive), DataError (no views; a photograph whose size is not its camera's),
 /// Interrupted when the report is cancelled.
 Evaluation evaluate(const RenderView& render, const Vec3f& background, const Dataset& dataset, int every_nth,

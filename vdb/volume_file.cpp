@@ -64,6 +64,7 @@ typename Grid::Ptr gridOfLeaves(const Volume& volume, const typename Grid::Value
     return grid;
 }
 
+/// Active is what is larger than zero; everything else is zero (Volume::sigma), as it must be beside active values.
 openvdb::FloatGrid::Ptr densityGrid(const Volume& volume) {
     return gridOfLeaves<openvdb::FloatGrid>(volume, 0.0f, [&](std::size_t leaf, const openvdb::Coord& origin) {
         const std::span<const float> sigma = volume.sigma().subspan(leaf * kLeafVoxels, kLeafVoxels);

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cli/pictures_for_eyes.h"
 
+#include <utility>
+#include <vector>
+
 #include "core/error.h"
 #include "tests/support/catch.h"
 

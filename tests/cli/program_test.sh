@@ -251,6 +251,10 @@ test_story() {
         feature_share_of_dense
     [[ "$(ls views)" == $'0000.png\n0002.png' ]] || fail "--every 2 of 3 views saved: $(ls views)"
     [[ "$(ls beside)" == "$(ls views)" ]] || fail "beside the photographs: $(ls beside)"
+    # Behind the signature and the head of a PNG: its width, three pictures of 48.
+    [[ $(od -An -tu1 -j19 -N1 beside/0000.png | tr -d ' ') -eq 144 ]] || fail "not three pictures side by side"
+    expect 2 eval model.vdb data --save views --beside ./views
+    says err "another folder"
 
     expect 0 info model.vdb --json -
     has_keys out grids active_voxels leaves resolution bounds voxel_size memory_bytes
