@@ -27,7 +27,7 @@ inline constexpr float kDistortion = 0.02f;  // of the loss, per unit of RayTrac
 struct StepRates {
     float density = 0.2f;
     float features = 0.03f;
-    float network = 3e-3f;
+    float network = 6e-3f;
     float sky = 0.02f;
     float sky_smoothing = 1e-3f;  // see Sky::smooth; grows (skySmoothingFactor)
     float exposure = 5e-3f;
