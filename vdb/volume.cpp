@@ -2,8 +2,8 @@
 #include "vdb/volume.h"
 
 #include <algorithm>
-#include <compare>
 #include <string>
+#include <unordered_map>
 
 #include "core/error.h"
 #include "core/parallel.h"
@@ -26,21 +26,10 @@ public:
         const Vec3i at = leaf - first_;
         return (at.x() * count_.y() + at.y()) * count_.z() + at.z();
     }
-    Vec3i leafOf(std::int64_t number) const {
-        return first_ + Vec3i(static_cast<int>(number / count_.z() / count_.y()),
-                              static_cast<int>(number / count_.z() % count_.y()), static_cast<int>(number % count_.z()));
-    }
 
 private:
     Vec3i first_;
     Eigen::Matrix<std::int64_t, 3, 1> count_;
-};
-
-/// An entry of the list that a volume is made of, by the number of its leaf.
-struct Entry {
-    std::int64_t number = 0;
-    std::size_t index = 0;
-    auto operator<=>(const Entry&) const = default;
 };
 
 }  // namespace
@@ -60,29 +49,22 @@ Volume::Volume(std::span<const Topology::LeafCells> active, const GridFrame& fra
                         "at most 2^28 leaves", "remove voxels far from the rest, or resample it coarser");
 
     const LeafNumbers number(first, count);
-    std::vector<Entry> entries(active.size());
-    std::vector<std::int64_t> with_cells;
-    with_cells.reserve(8 * active.size());
+    std::unordered_map<std::int64_t, std::size_t> entry_at;
+    std::vector<Vec3i> with_cells;
     for (std::size_t i = 0; i < active.size(); ++i) {
-        entries[i] = {number(active[i].leaf), i};
-        for (int n = 0; n < 8; ++n) with_cells.push_back(number(active[i].leaf - corner(n)));
+        entry_at.emplace(number(active[i].leaf), i);
+        for (int n = 0; n < 8; ++n) with_cells.push_back(active[i].leaf - corner(n));
     }
-    std::sort(entries.begin(), entries.end());
-    std::sort(with_cells.begin(), with_cells.end());
+    const auto before = [&](const Vec3i& a, const Vec3i& b) { return number(a) < number(b); };
+    std::sort(with_cells.begin(), with_cells.end(), before);
     with_cells.erase(std::unique(with_cells.begin(), with_cells.end()), with_cells.end());
-    // In the order of numbers the leaves behind come in order, too: eight places that move through the entries.
+
     std::vector<Topology::LeafCells> cells;
-    cells.reserve(with_cells.size());
-    std::array<std::size_t, 8> place{};
-    for (const std::int64_t at : with_cells) {
-        const Vec3i leaf = number.leafOf(at);
+    for (const Vec3i& leaf : with_cells) {
         std::array<LeafMask, 8> voxels{};
-        for (int n = 0; n < 8; ++n) {
-            const std::int64_t wanted = number(leaf + corner(n));
-            while (place[n] < entries.size() && entries[place[n]].number < wanted) ++place[n];
-            if (place[n] < entries.size() && entries[place[n]].number == wanted)
-                voxels[n] = active[entries[place[n]].index].cells;
-        }
+        for (int n = 0; n < 8; ++n)
+            if (const auto found = entry_at.find(number(leaf + corner(n))); found != entry_at.end())
+                voxels[n] = active[found->second].cells;
         cells.push_back({leaf - first, cellsWithCorner(voxels)});
     }
 
@@ -93,8 +75,9 @@ Volume::Volume(std::span<const Topology::LeafCells> active, const GridFrame& fra
     first_voxel_ = first * kLeafDim;
     frame_ = {frame.worldFromIndex(first_voxel_.cast<double>()), frame.voxel_size};
     active_.resize(topology_.leafCount());
-    for (const Topology::LeafCells& entry : active)
-        if (const int leaf = topology_.findLeaf(entry.leaf - first); leaf >= 0) active_[leaf] = entry.cells;
+    for (std::size_t leaf = 0; leaf < topology_.leafCount(); ++leaf)
+        if (const auto found = entry_at.find(number(topology_.leafCoords()[leaf] + first)); found != entry_at.end())
+            active_[leaf] = active[found->second].cells;
     sigma_ = HugeArray<float>(topology_.leafCount() * kLeafVoxels);
     color_ = HugeArray<float>(topology_.leafCount() * kLeafVoxels * kChannels);
 }
