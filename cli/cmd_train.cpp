@@ -120,12 +120,14 @@ Command addTrain(CLI::App& program) {
         ->type_name("N");
     app.add_option("--scene", words->scene,
                    "box: all of it lies in a box; open: it goes on without bounds, in ever larger voxels, up to a sky; "
-                   "auto: open where photographs have no alpha and neither --bounds nor --background is given [auto]")
+                   "auto: open where photographs have neither alpha nor a plain background, and neither --bounds nor "
+                   "--background is given [auto]")
         ->check(CLI::IsMember({"auto", "box", "open"}))
         ->type_name("EXTENT");
     app.add_option("--background", words->background,
                    "What is behind the scene: white, black, random (learns opacity, shown on white), or auto: random "
-                   "where photographs have alpha, else their mean colour [auto]")
+                   "where photographs have alpha, else the plain colour before which they show an object, else their mean "
+                   "[auto]")
         ->check(CLI::IsMember({"auto", "white", "black", "random"}))
         ->type_name("NAME");
     app.add_option("--exposure", words->exposure,

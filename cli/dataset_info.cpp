@@ -12,6 +12,7 @@
 #include "core/error.h"
 #include "trainer/capture_report.h"
 #include "trainer/dataset.h"
+#include "trainer/plain_background.h"
 #include "trainer/scene_box.h"
 #include "trainer/scene_shells.h"
 
@@ -81,12 +82,33 @@ void describeSplit(const char* name, const Dataset& dataset, Description& out) {
                           boxText(report.camera_bounds).c_str());
 }
 
-/// The box that training would take. With alpha it follows from the pixels, which are read for it.
-std::optional<Box> sceneBox(const std::filesystem::path& path, const Dataset& train, std::vector<std::string>& warnings) {
+/// Whether ten photographs, which are read for it, show an object before a plain background; masks do not count.
+bool arePlain(const Dataset& dataset) {
+    const std::size_t n_some = std::min<std::size_t>(10, dataset.views.size());
+    Dataset some;
+    for (std::size_t n = 0; n < n_some; ++n) {
+        some.views.push_back(dataset.views[n * dataset.views.size() / n_some]);
+        some.views.back().photo = readPhoto(some.views.back().path);
+    }
+    return plainBackground(some).has_value();
+}
+
+struct NamedBox {
+    std::string name;
+    Box box;
+};
+
+/// The box that training would take, or look for an object in. With alpha it follows from the pixels, which are read for it.
+std::optional<NamedBox> sceneBox(const std::filesystem::path& path, const Dataset& train, std::vector<std::string>& warnings) {
     Report silent;
     try {
-        if (!train.has_alpha) return findSceneShells(train, std::nullopt).inner;
-        return findSceneBox(readDataset(path, Split::train, {}, silent), std::nullopt);
+        if (train.has_alpha)
+            return NamedBox{"scene box", findSceneBox(readDataset(path, Split::train, {}, silent), std::nullopt)};
+        if (arePlain(train)) {
+            if (train.aabb_scale) return NamedBox{"scene box", findSceneBox(train, std::nullopt)};
+            return NamedBox{"an object before a plain background, to be looked for in", findCommonView(train)};
+        }
+        return NamedBox{"inner box of the open scene", findSceneShells(train, std::nullopt).inner};
     } catch (const Error& error) {
         warnings.push_back(std::string("training would find no box: ") + error.what());
         return std::nullopt;
@@ -164,16 +186,17 @@ Description describeDataset(const std::filesystem::path& path, const std::filesy
     const CaptureReport report = reportCapture(views);
     describeCoverage(report, out);
     addNew(warnings, report.warnings);
-    std::optional<Box> box;
+    std::optional<NamedBox> box;
     if (train && report.unusable.empty()) box = sceneBox(path, *train, warnings);
-    out.json["scene_box"] = box ? boxJson(*box) : Json(nullptr);
-    if (box) out.text += (train->has_alpha ? "scene box: " : "inner box of the open scene: ") + boxText(*box) + "\n";
+    out.json["scene_box"] = box ? boxJson(box->box) : Json(nullptr);
+    if (box) out.text += box->name + ": " + boxText(box->box) + "\n";
 
     for (const std::string& warning : warnings) {
         out.json["warnings"].push_back(warning);
         out.text += "warning: " + warning + "\n";
     }
-    if (!plot_path.empty()) writeAtomically(plot_path, svgText({path.string(), box, report.middle}, views));
+    const std::optional<Box> drawn = box ? std::optional(box->box) : std::nullopt;
+    if (!plot_path.empty()) writeAtomically(plot_path, svgText({path.string(), drawn, report.middle}, views));
     return out;
 }
 

@@ -286,7 +286,7 @@ void visitLearner(Visitor& visit, TrainState& state, std::vector<float>& network
     visit.values(state.sky_optimizer.first);
     visit.values(state.sky_optimizer.second);
     visit.value(state.sky_optimizer.count);
-    visit.value(state.random_background);
+    visit.value(state.behind);
     visit.value(state.distortion);
 }
 
@@ -432,7 +432,8 @@ void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainP
     const auto isFor = [](const Adam& adam, std::size_t n) {
         return adam.count >= 0 && adam.first.size() == adam.second.size() && (adam.first.empty() || adam.first.size() == n);
     };
-    if (!isFor(state.network, network.size()) || !isFor(state.sky_optimizer, state.sky.values().size()) ||
+    if (state.behind > Behind::plain || !isFor(state.network, network.size()) ||
+        !isFor(state.sky_optimizer, state.sky.values().size()) ||
         (state.exposures.learned() && state.exposures.viewCount() != static_cast<std::size_t>(place.n_views)) ||
         network.size() != state.decoder.parameters().size() || state.seen.size() != topology.leafCount() ||
         state.occupancy.cells.size() != topology.leafCount())

@@ -15,25 +15,55 @@ namespace {
 
 constexpr int kSearchResolution = 64;
 
-/// Bounds of the cells, in world units, with one cell of margin.
-Box boundsOf(const BoxGrid& grid, const std::vector<Topology::LeafCells>& leaves) {
-    Vec3i lower = grid.dims, upper = -Vec3i::Ones();
-    for (const Topology::LeafCells& entry : leaves)
-        for (int offset = 0; offset < kLeafVoxels; ++offset) {
-            if (!testBit(entry.cells, offset)) continue;
-            const Vec3i cell = entry.leaf * kLeafDim + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
-            lower = lower.cwiseMin(cell);
-            upper = upper.cwiseMax(cell);
-        }
-    return {grid.frame.worldFromIndex((lower - Vec3i::Ones()).cast<double>()),
-            grid.frame.worldFromIndex((upper + Vec3i::Constant(2)).cast<double>())};
-}
-
 Box cubeAround(const Vec3d& center, double half) {
     return {center - Vec3d::Constant(half), center + Vec3d::Constant(half)};
 }
 
+/// How far cameras stand from their common focus; 1 where all stand in it.
+struct Ring {
+    Vec3d focus;
+    double nearest, farthest;
+};
+
+Ring ringOf(const Dataset& dataset) {
+    Ring ring{commonFocus(dataset), std::numeric_limits<double>::infinity(), 0};
+    for (const View& view : dataset.views) {
+        const double distance = (view.camera.position - ring.focus).norm();
+        ring.nearest = std::min(ring.nearest, distance);
+        ring.farthest = std::max(ring.farthest, distance);
+    }
+    if (!(ring.nearest > 0) || dataset.views.empty()) ring.nearest = 1;
+    if (!(ring.farthest > 0)) ring.farthest = 1;
+    return ring;
+}
+
+/// Bounds of what half of the views see whole, and no mask rules out, in a box; of nothing, none. Each search looks at the
+/// last one's finding only. Space that few views see whole (behind the object, at the edges of the pictures) is no part of
+/// what was captured.
+std::optional<Box> boundsOfShared(const Dataset& dataset, Box box) {
+    const std::size_t min_views = (dataset.views.size() + 1) / 2;
+    for (int pass = 0; pass < 3; ++pass) {
+        const BoxGrid grid = gridOver(box, kSearchResolution);
+        const std::vector<Topology::LeafCells> cells = possibleCells(dataset, grid, min_views);
+        if (cells.empty()) return std::nullopt;
+        box = boundsOfCells(grid.frame, Topology(grid.dims, cells));
+    }
+    return box;
+}
+
 }  // namespace
+
+Box boundsOfCells(const GridFrame& frame, const Topology& topology) {
+    Vec3i lower = topology.dims(), upper = -Vec3i::Ones();
+    for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf)
+        forEachBit(topology.cells()[leaf], [&](int offset) {
+            const Vec3i cell = topology.leafCoords()[leaf] * kLeafDim + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);
+            lower = lower.cwiseMin(cell);
+            upper = upper.cwiseMax(cell);
+        });
+    return {frame.worldFromIndex((lower - Vec3i::Ones()).cast<double>()),
+            frame.worldFromIndex((upper + Vec3i::Constant(2)).cast<double>())};
+}
 
 Vec3d commonFocus(const Dataset& dataset) {
     Mat3d normal = Mat3d::Zero();
@@ -60,27 +90,17 @@ Box findSceneBox(const Dataset& dataset, const std::optional<Box>& given) {
     }
     if (dataset.aabb_scale) return sceneBoxFromAabbScale(*dataset.aabb_scale);
 
-    const Vec3d focus = commonFocus(dataset);
-    double nearest = std::numeric_limits<double>::infinity(), farthest = 0;
-    for (const View& view : dataset.views) {
-        nearest = std::min(nearest, (view.camera.position - focus).norm());
-        farthest = std::max(farthest, (view.camera.position - focus).norm());
-    }
-    if (!dataset.has_alpha) return cubeAround(focus, farthest > 0 ? farthest : 1.0);
+    const Ring ring = ringOf(dataset);
+    if (!dataset.has_alpha) return cubeAround(ring.focus, ring.farthest);
+    if (const std::optional<Box> hull = boundsOfShared(dataset, cubeAround(ring.focus, ring.nearest))) return *hull;
+    throw DataError(dataset.root.string(), "alpha masks that agree on no point of space", "an object that every mask shows",
+                    "check the poses, or give --bounds");
+}
 
-    // The hull inside the cameras' ring, again and again: each search looks at the last one's finding only. Space
-    // that few views see whole (behind the object, at the edges of the pictures) is no part of what was captured.
-    const std::size_t min_views = (dataset.views.size() + 1) / 2;
-    Box box = cubeAround(focus, nearest > 0 ? nearest : 1.0);
-    for (int pass = 0; pass < 3; ++pass) {
-        const BoxGrid grid = gridOver(box, kSearchResolution);
-        const std::vector<Topology::LeafCells> cells = possibleCells(dataset, grid, min_views);
-        if (cells.empty())
-            throw DataError(dataset.root.string(), "alpha masks that agree on no point of space",
-                            "an object that every mask shows", "check the poses, or give --bounds");
-        box = boundsOf(grid, cells);
-    }
-    return box;
+Box findCommonView(const Dataset& dataset) {
+    const Ring ring = ringOf(dataset);
+    const Box around = cubeAround(ring.focus, ring.farthest);
+    return boundsOfShared(dataset, around).value_or(around);
 }
 
 }  // namespace nerfvdb

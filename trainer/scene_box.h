@@ -5,12 +5,21 @@
 #include <optional>
 
 #include "trainer/dataset.h"
+#include "vdb/topology.h"
+#include "vdb/voxel_field.h"
 
 namespace nerfvdb {
 
 /// The scene's box: given, else the data set's aabb_scale, else the bounds of the visual hull where photos have
-/// alpha, else the cameras' common view. Throws DataError when nothing is left.
+/// alpha, else a cube out to the farthest camera. Throws DataError when nothing is left.
 Box findSceneBox(const Dataset& dataset, const std::optional<Box>& given);
+
+/// Bounds of what at least half of the cameras see whole: where an object is that they were all turned to. A cube out to the
+/// farthest of them where they share no view.
+Box findCommonView(const Dataset& dataset);
+
+/// Bounds of the cells that exist, world units, with one cell of margin.
+Box boundsOfCells(const GridFrame& frame, const Topology& topology);
 
 /// The point nearest to all the cameras' optical axes (least squares); the mean of the positions when the axes
 /// are parallel.

@@ -13,7 +13,8 @@ namespace nerfvdb {
 
 enum class Preset { fast, standard, best };
 /// How far a scene goes: to a box, or on without bounds, in shells up to a sky (up to nothing where photographs have
-/// alpha). Automatic: without bounds where photographs have no alpha and neither background nor bounds are given.
+/// alpha). Automatic: without bounds where photographs have neither alpha nor a plain background (plainBackground), and neither
+/// background nor bounds are given.
 enum class SceneExtent { automatic, box, open };
 enum class BackgroundMode { automatic, white, black, random };
 enum class ExposureMode { automatic, on, off };

@@ -6,6 +6,7 @@
 
 #include "core/parallel.h"
 #include "core/random.h"
+#include "trainer/plain_background.h"
 
 namespace nerfvdb {
 namespace {
@@ -78,6 +79,7 @@ StepReport TrainStepper::differentiate(const TrainState& state, const RaySource&
         const StepReport& tile = tiles_[t].report;
         report.squared_error += tile.squared_error;
         report.distortion += tile.distortion;
+        report.plain_opacity += tile.plain_opacity;
         report.rays += tile.rays;
         report.trace += tile.trace;
         if (!tile.is_finite && report.is_finite) {
@@ -150,18 +152,19 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
         const Vec3f background = sees_sky ? state.sky.at(direction) : state.background;
         float behind[3], light[3], color[3], dl_dcolor[3], dl_dlight[3];
         for (int c = 0; c < 3; ++c) {
-            behind[c] = state.random_background ? unitFloat(static_cast<std::uint32_t>(mixBits(drawn.bits + c)))
+            behind[c] = state.behind == Behind::random ? unitFloat(static_cast<std::uint32_t>(mixBits(drawn.bits + c)))
                                                 : background[c];
             light[c] = opacity * worker.rgb[3 * r + c] + exposed_background * transmittance * behind[c];
         }
         const Exposure exposure = state.exposures.of(drawn.view);
         const float coverage = opacity + exposed_background * transmittance;
         exposure.forward(light, coverage, color);
-        float error = 0;
+        float error = 0, off_background = 0;
         for (int c = 0; c < 3; ++c) {
             color[c] += (1 - exposed_background) * transmittance * behind[c];
             const float target = drawn.rgba[c] * drawn.rgba[3] + behind[c] * (1 - drawn.rgba[3]);
             const float difference = color[c] - target;
+            off_background = std::max(off_background, std::abs(target - behind[c]));
             dl_dcolor[c] = 2 * difference;
             error += difference * difference;
         }
@@ -177,6 +180,10 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
         if (state.exposures.learned())
             tile.exposed.push_back({drawn.view, {light[0], light[1], light[2]}, coverage,
                                     {dl_dcolor[0], dl_dcolor[1], dl_dcolor[2]}});
+        if (state.behind == Behind::plain && off_background <= kPlainTolerance) {
+            dl_dtransmittance -= kPlainOpacity;
+            tile.report.plain_opacity += opacity;
+        }
         worker.dl_dtransmittance[r] = dl_dtransmittance;
         tile.report.squared_error += error;
         if (!std::isfinite(error) && tile.report.is_finite) {

@@ -21,6 +21,17 @@ namespace nerfvdb {
 /// of all that an update reads.
 inline constexpr int kSmoothEvery = 4;
 
+/// What is behind the scene where nothing hides it.
+enum class Behind : std::uint8_t {
+    fixed,   // the background, which is a guess, or stands behind photographs with alpha
+    random,  // a random colour behind each ray, which photographs with alpha are learned before
+    plain,   // the background, as photographs show it: a pixel of its colour shows nothing else
+};
+
+/// Of the loss, per opacity of a ray whose pixel shows just the plain background: fog of its colour, which no photograph
+/// contradicts, goes away. The gradient falls with transmittance: what is opaque, and has the background's colour, stays.
+inline constexpr float kPlainOpacity = 0.3f;
+
 inline constexpr float kDistortion = 0.02f;  // of the loss, per unit of RayTracer::distortion; what training grows it to
 
 /// How far parameters move in one step.
@@ -52,7 +63,7 @@ struct TrainState {
     Vec3f background = Vec3f::Ones();
     Sky sky;                          // learned in place of the background, unless empty
     Adam sky_optimizer;
-    bool random_background = false;   // train against a random colour behind each ray (needs alpha)
+    Behind behind = Behind::fixed;
     float distortion = kDistortion;
 };
 
@@ -60,6 +71,7 @@ struct TrainState {
 struct StepReport {
     double squared_error = 0;  // summed over rays and channels
     double distortion = 0;     // summed over rays
+    double plain_opacity = 0;  // summed over rays whose pixels show just the plain background
     std::uint64_t rays = 0;
     TraceCounters trace;
     bool is_finite = true;
@@ -75,7 +87,8 @@ public:
     StepReport step(TrainState& state, const RaySource& source, std::uint64_t step, int batch,
                     const StepRates& rates, const TraceOptions& trace);
 
-    /// The two halves of a step. First the loss (squared_error + state.distortion * distortion) and its gradient; nothing moves ...
+    /// The two halves of a step. First the loss (squared_error + state.distortion * distortion + kPlainOpacity *
+    /// plain_opacity) and its gradient; nothing moves ...
     StepReport differentiate(const TrainState& state, const RaySource& source, std::uint64_t step, int batch,
                              const TraceOptions& trace);
     /// ... which stands here: of the voxels, leaf by leaf as LeafScatter::run hands it out, once; of the network ...

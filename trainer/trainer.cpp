@@ -16,6 +16,8 @@
 #include "trainer/faint_cells.h"
 #include "trainer/memory_plan.h"
 #include "trainer/model_cameras.h"
+#include "trainer/object_box.h"
+#include "trainer/plain_background.h"
 #include "trainer/possible_cells.h"
 #include "trainer/scene_box.h"
 #include "trainer/scene_shells.h"
@@ -77,6 +79,7 @@ private:
     std::size_t memoryLimit() const { return options_.max_memory_bytes.value_or(machineMemory()); }
     void checkMemory(const std::string& voxels, const std::string& advice) const;
     void chooseBackground();
+    Box findBox() const;
     void checkFinestVoxel(const Box& box, double coarsest_voxel) const;
     void replanForTime();
     bool runStage();  // false: the user asked to stop, or numeric_error_ says why
@@ -103,6 +106,7 @@ private:
     CheckpointKeeper checkpoints_;
 
     const std::size_t mapped_before_ = mappedFileBytes();  // by the program itself
+    std::optional<Vec3f> plain_;  // the photographs' own background
     RaySource source_;
     TrainState state_;
     TrainPlace place_;
@@ -125,8 +129,9 @@ private:
 void Training::start() {
     if (dataset_.views.empty())
         throw DataError(dataset_.root.string(), "no views to train on", "at least one posed photograph");
+    if (!dataset_.has_alpha && options_.extent != SceneExtent::open) plain_ = plainBackground(dataset_);
     const SceneShells scene = isOpen() ? findSceneShells(dataset_, options_.bounds)
-                                       : SceneShells{findSceneBox(dataset_, options_.bounds), 1};
+                                       : SceneShells{findBox(), 1};
     const Box& box = scene.inner;
     const double side = box.size().maxCoeff();
     const int asked_levels = options_.voxel_size ? levelsForVoxel(side, *options_.voxel_size) : 0;
@@ -205,7 +210,7 @@ void Training::resume() {
 
 bool Training::isOpen() const {
     if (options_.extent != SceneExtent::automatic) return options_.extent == SceneExtent::open;
-    return !dataset_.has_alpha && !options_.bounds && options_.background == BackgroundMode::automatic;
+    return !dataset_.has_alpha && !options_.bounds && options_.background == BackgroundMode::automatic && !plain_;
 }
 
 std::size_t Training::mappedPhotoBytes() const {
@@ -222,23 +227,33 @@ MemoryPlan Training::memoryPlan() const {
     return {photographs, state_.decoder.channels(), largest_batch, threadCount()};
 }
 
+Box Training::findBox() const {
+    const bool is_plain = !dataset_.has_alpha && (plain_ || options_.background != BackgroundMode::automatic);
+    if (!is_plain || options_.bounds || dataset_.aabb_scale) return findSceneBox(dataset_, options_.bounds);
+    return findObject(dataset_, findCommonView(dataset_), options_, report_);
+}
+
 void Training::chooseBackground() {
     switch (options_.background) {
-        case BackgroundMode::white: state_.background = Vec3f::Ones(); break;
-        case BackgroundMode::black: state_.background = Vec3f::Zero(); break;
+        case BackgroundMode::white:
+        case BackgroundMode::black:
+            state_.background = Vec3f::Constant(options_.background == BackgroundMode::white ? 1.0f : 0.0f);
+            state_.behind = dataset_.has_alpha ? Behind::fixed : Behind::plain;
+            break;
         case BackgroundMode::automatic:
             // Where opacity is known it is learned as such: no fog can hide in the colour of the background.
-            state_.background = dataset_.has_alpha ? Vec3f(Vec3f::Ones()) : meanColour(dataset_);
-            state_.random_background = dataset_.has_alpha;
+            state_.background = dataset_.has_alpha ? Vec3f(Vec3f::Ones()) : plain_ ? *plain_ : meanColour(dataset_);
+            state_.behind = dataset_.has_alpha ? Behind::random : plain_ ? Behind::plain : Behind::fixed;
             break;
         case BackgroundMode::random:
             if (!dataset_.has_alpha)
                 throw UsageError("--background random", "photographs without alpha", "alpha masks",
                                  "use --background auto, white or black");
             state_.background = Vec3f::Ones();
-            state_.random_background = true;
+            state_.behind = Behind::random;
             break;
     }
+    if (!state_.sky.isEmpty()) state_.behind = Behind::fixed;  // the sky is there instead
 }
 
 /// What could never be saved is not trained.

@@ -49,7 +49,8 @@ struct TrainResult {
 /// by a second thread; the call returns when all is written.
 /// Steps that meet values which are not finite are undone and tried again (step_guard.h); three in a row end training
 /// with numeric_error: the model is as it was before them, the checkpoint the last that was written.
-/// Throws DataError (nothing to learn from, a checkpoint of another data set) or NumericError.
+/// Throws DataError (nothing to learn from, a checkpoint of another data set), NumericError, or Interrupted when the report is
+/// cancelled while an object is looked for (object_box.h): there is no model yet.
 TrainResult train(const Dataset& dataset, const TrainOptions& options, Report& report,
                   const std::function<void(const TrainProgress&)>& on_interval,
                   const std::filesystem::path& checkpoint = {}, bool resume = false);

@@ -243,6 +243,18 @@ TEST_CASE("what is not a whole checkpoint of this version is refused, and says w
     CHECK_NOTHROW(loadBytes(good));
 }
 
+TEST_CASE("a checkpoint whose background is of no kind is refused") {
+    const TempDir dir;
+    StopAfter report(3);
+    trainTo(dir / "good.ckpt", report, false);
+    TrainState state;
+    TrainPlace place;
+    loadCheckpoint(dir / "good.ckpt", state, place);
+    state.behind = static_cast<Behind>(3);
+    saveCheckpoint(dir / "bad.ckpt", state, place);
+    CHECK_THROWS_WITH(load(dir / "bad.ckpt"), Catch::Contains("fields that do not fit"));
+}
+
 TEST_CASE("resuming with another data set is refused") {
     const TempDir dir;
     StopAfter report(3);

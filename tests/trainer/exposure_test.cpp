@@ -156,7 +156,11 @@ TEST_CASE("exposures are found again from what photographs show, and their mean 
 
 TEST_CASE("photographs of many exposures: learned, held-out pictures of the mean one are right", "[slow]") {
     const Dataset photographs = test::surroundedSphereDataset(24, 100);
-    const Dataset varied = test::exposed(photographs, test::randomExposures(24)), equal = test::exposed(photographs, {});
+    const Dataset varied = test::exposed(photographs, test::randomExposures(24));
+    // Three are a little brighter: a wall that is the same in all would be a plain background, of which more is known.
+    std::vector<std::array<double, 6>> nearly_equal(24, {1, 1, 1, 0, 0, 0});
+    for (std::size_t v = 0; v < 24; v += 8) nearly_equal[v] = {1, 1, 1, 0.02, 0.02, 0.02};
+    const Dataset equal = test::exposed(photographs, nearly_equal);
     const Dataset held_out = test::exposed(test::sphereDataset(Split::test, 4, 100), {});
     const auto score = [&](const Dataset& dataset, ExposureMode mode) {
         TrainOptions options;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trainer/scene_box.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -54,6 +55,32 @@ TEST_CASE("without alpha the box reaches to the farthest camera; aabb_scale says
     CHECK(findSceneBox(dataset, {}).size().maxCoeff() == Approx(12).epsilon(1e-6));
     dataset.aabb_scale = 4;
     CHECK(findSceneBox(dataset, {}).size().maxCoeff() == Approx(4 / 0.33));
+}
+
+TEST_CASE("the common view is what half of the cameras see whole") {
+    // Each sees 2 * 4 tan(0.35) = 2.9 of the middle's plane, and the whole depth of the search, so any two of the three share
+    // the middle and a little of where they overlap behind and before it.
+    const Box box = findCommonView(lookingAt(Vec3d::Zero(), {{4, 0, 0}, {0, 4, 0}, {0, 0.1, 4}}));
+    CHECK(box.min.maxCoeff() < -1.2);
+    CHECK(box.max.minCoeff() > 1.2);
+    CHECK(box.size().maxCoeff() < 4.4);
+}
+
+TEST_CASE("where cameras share no view, it reaches to the farthest of them") {
+    Dataset dataset;
+    for (const double side : {1.0, -1.0}) {
+        View view;
+        view.camera = lookAt({2 * side, 0, 0}, {9 * side, side, 0}, Vec3d::UnitZ(), 0.7, 64, 64);
+        dataset.views.push_back(view);
+        view.camera = lookAt({0, 3 * side, 0}, {side, 9 * side, 0}, Vec3d::UnitZ(), 0.7, 64, 64);
+        dataset.views.push_back(view);
+    }
+    const Box box = findCommonView(dataset);
+    const Vec3d focus = commonFocus(dataset);
+    double farthest = 0;
+    for (const View& view : dataset.views) farthest = std::max(farthest, (view.camera.position - focus).norm());
+    CHECK((box.max - focus - Vec3d::Constant(farthest)).norm() < 1e-9);
+    CHECK((focus - box.min - Vec3d::Constant(farthest)).norm() < 1e-9);
 }
 
 TEST_CASE("alpha masks tell where the object is to within a few cells of the search") {

@@ -122,12 +122,12 @@ TEST_CASE("the first 20 losses on the sphere are those that were pinned, on ever
 }
 
 TEST_CASE("gradients of the whole step, from voxels and network to the loss, agree with central differences") {
-    for (const bool random_background : {false, true}) {
-        CAPTURE(random_background);
+    for (const Behind behind : {Behind::fixed, Behind::random, Behind::plain}) {
+        CAPTURE(static_cast<int>(behind));
         TrainState state = roughState();
         state.background = Vec3f(0.9f, 0.4f, 0.1f);
-        state.random_background = random_background;
-        state.exposures = Exposures(sphere().views.size(), /*with_background=*/!random_background);
+        state.behind = behind;
+        state.exposures = Exposures(sphere().views.size(), /*with_background=*/behind != Behind::random);
         for (std::size_t i = 0; i < state.exposures.values().size(); ++i)
             state.exposures.values()[i] = test::randomIn(-0.3f, 0.3f, 4, i);
         state.distortion = 1;  // without its gradient, densities are off by 0.3 of the largest
@@ -140,7 +140,9 @@ TEST_CASE("gradients of the whole step, from voxels and network to the loss, agr
         TrainStepper stepper;
         const auto loss = [&] {
             const StepReport report = stepper.differentiate(state, source, 7, kBatch, exact);
-            return report.squared_error + static_cast<double>(state.distortion) * report.distortion;
+            REQUIRE((report.plain_opacity > 1) == (behind == Behind::plain));
+            return report.squared_error + static_cast<double>(state.distortion) * report.distortion +
+                   static_cast<double>(kPlainOpacity) * report.plain_opacity;
         };
         REQUIRE(loss() > 1);
 
@@ -217,7 +219,7 @@ TEST_CASE("against a random background alone, a transparent scene is what an emp
         for (auto& pixel : view.photo.pixels) pixel = {200, 10, 90, 0};
     TrainState state = freshState();
     test::setDensity(state.field, [](const Vec3i&) { return kEmptyRaw; });
-    state.random_background = true;
+    state.behind = Behind::random;
     RaySource source(empty, 11);
     source.update(state.field, state.occupancy);  // of the half transparent state: there are rays to draw
     TrainStepper stepper;
