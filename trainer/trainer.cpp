@@ -150,6 +150,7 @@ void Training::start() {
     if (photosOnDisk()) source_.limitMapped(mapped_before_ + mappedPhotoBytes() / 2);  // more is mapped until the next look
     const PresetPlan preset = presetPlan(options_);
     state_.decoder = Decoder(preset.channels, options_.seed, preset.decoder_width);
+    state_.decoder.clearOutputLayer();  // what a seed happens to say of directions need not be unlearned
     state_.field = VoxelField(std::move(topology), grid.frame, grid.shells, preset.channels,
                               kUnitsPerBox / box.size().maxCoeff());
     // Alpha says already what is not the scene: no fog hides anything, and there is no sky.

@@ -11,7 +11,7 @@
 namespace nerfvdb {
 namespace {
 
-constexpr float kOutputGain = 0.1f;  // the network starts as a small correction of the base colour
+constexpr float kOutputGain = 0.1f;  // a small correction of the base colour
 
 float sigmoid(float x) { return 1.0f / (1.0f + std::exp(-x)); }
 
@@ -25,6 +25,11 @@ Decoder::Decoder(int channels, std::uint64_t seed, int width)
         throw UsageError("decoder: the number of feature channels must be 4, 8 or 16");
     if (width < 1 || width > kMaxDecoderWidth) throw UsageError("decoder: its width must be 1 to 1024");
     parameters_ = initialMlpParameters(shape_, seed, kOutputGain);
+}
+
+void Decoder::clearOutputLayer() {
+    const std::size_t layer = static_cast<std::size_t>(shape_.widths[shape_.layerCount() - 1] + 1) * 3;
+    std::fill(parameters_.end() - static_cast<std::ptrdiff_t>(layer), parameters_.end(), 0.0f);
 }
 
 void Decoder::forward(int n, const float* features, const float* direction, const float* transmittance, float* rgb,

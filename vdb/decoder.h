@@ -25,6 +25,10 @@ public:
     /// `channels` features per voxel: 4, 8 or 16; the first three are the base colour before the sigmoid.
     Decoder(int channels, std::uint64_t seed, int width = kDecoderWidth);
 
+    /// Sets the network's last layer to zero: until it learns, rgb = sigmoid(F[0..2]) from everywhere. Hidden layers, and what
+    /// of features only they read, learn from the second step on.
+    void clearOutputLayer();
+
     int channels() const { return channels_; }
     int width() const { return shape_.widths[1]; }
     const MlpShape& shape() const { return shape_; }

@@ -31,6 +31,7 @@ TrainState freshState() {
     const BoxGrid grid = gridOver({Vec3d::Constant(-0.9), Vec3d::Constant(0.9)}, 32);
     TrainState state;
     state.decoder = Decoder(8, 3);
+    state.decoder.clearOutputLayer();
     state.field = VoxelField(Topology(grid.dims, possibleCells(sphere(), grid, 2)), grid.frame, 8, 140.0);
     test::setDensity(state.field, [](const Vec3i&) { return -3.0f; });
     state.density_moment = HugeArray<float>(state.field.density().size());
@@ -107,10 +108,10 @@ TEST_CASE("the first 20 losses on the sphere are those that were pinned, on ever
     // optimiser, initial values) shows here and wants new numbers with a reason. Instruction sets differ in the
     // order of sums: all five of x86-64 were seen within 1e-5 of these (the digits given); 1e-4 leaves room for
     // other machines and is far below what a change of the recipe does.
-    constexpr double kPinned[20] = {0.0454408, 0.038781,  0.0385243, 0.0411922, 0.031783,  0.0342546,
-                                    0.0334618, 0.0302715, 0.0224227, 0.0311425, 0.0270209, 0.0208556,
-                                    0.0177957, 0.0182578, 0.0135506, 0.0138716, 0.0132272, 0.00819478,
-                                    0.0106862, 0.00940894};  // the network's rate is 6e-3
+    constexpr double kPinned[20] = {0.045297,  0.0388912, 0.0384413, 0.0412381, 0.0316208, 0.034029,
+                                    0.0336661, 0.0302443, 0.0221056, 0.0308375, 0.0265678, 0.0205969,
+                                    0.0171046, 0.017756,  0.0134772, 0.013499,  0.0128908, 0.0079717,
+                                    0.0105174, 0.00907819};  // the network's output layer starts at zero
     test::forEachTarget([&] {
         TrainState state = freshState();
         const std::vector<double> losses = learn(state, 20);

@@ -160,6 +160,28 @@ TEST_CASE("a workspace used for many rays serves few as well: leftovers have no 
     CHECK(gradientOfTwoRays(fresh) == gradientOfTwoRays(used));
 }
 
+TEST_CASE("with its output layer cleared, a decoder shows the base colour from everywhere, and learns from there") {
+    Decoder decoder(8, 3, 32);
+    decoder.clearOutputLayer();
+    const std::vector<float> directions = randomDirections(kRays);
+    std::vector<float> features(8 * kRays), rgb(3 * kRays), dl_drgb(3 * kRays, 1.0f), dl_dfeatures(8 * kRays);
+    for (std::size_t i = 0; i < features.size(); ++i) features[i] = randomIn(-3, 3, 4, i);
+    Decoder::Workspace work;
+    decoder.forward(kRays, features.data(), directions.data(), nullptr, rgb.data(), work);
+    for (int i = 0; i < kRays; ++i)
+        for (int c = 0; c < 3; ++c)
+            CHECK(rgb[3 * i + c] == Approx(1 / (1 + std::exp(-features[8 * i + c]))).margin(1e-6));
+
+    // What is before the output layer has no slope yet; the output layer has, so that the next step finds one.
+    std::vector<float> dl_dparameters(decoder.parameters().size(), 0.0f);
+    decoder.backward(kRays, dl_drgb.data(), dl_dfeatures.data(), nullptr, dl_dparameters, work);
+    const auto output = dl_dparameters.end() - (32 + 1) * 3;
+    const auto is_zero = [](float slope) { return slope == 0; };
+    CHECK(std::all_of(dl_dparameters.begin(), output, is_zero));
+    CHECK(std::none_of(dl_dparameters.end() - 3, dl_dparameters.end(), is_zero));
+    CHECK(std::count_if(output, dl_dparameters.end(), is_zero) < 3 * 32 / 2);
+}
+
 TEST_CASE("diffuse colour is the mean over all directions") {
     const Checked c(8);
     constexpr int kPoints = 130;  // more than one batch
