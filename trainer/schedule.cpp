@@ -168,6 +168,11 @@ double distortionFactor(double progress) {
     return std::clamp(progress / kFull, 0.0, 1.0);
 }
 
+double entropyFactor(double progress) {
+    constexpr double kOver = 0.6;  // of the training
+    return std::clamp(1 - progress / kOver, 0.0, 1.0);
+}
+
 double skySmoothingFactor(double progress) { return std::pow(60.0, progress); }
 
 }  // namespace nerfvdb

@@ -72,6 +72,10 @@ double rateFactor(double progress);
 /// the start it makes surfaces of fog before photographs have said where they are (docs/quality.md).
 double distortionFactor(double progress);
 
+/// What the entropy of opacity is multiplied with at this progress: it falls from 1 to 0 over the first three fifths. Fog is
+/// decided early; later it would take from photographs what they show at the borders of things (docs/quality.md).
+double entropyFactor(double progress);
+
 /// What the smoothing of the sky is multiplied with at this progress: it grows from 1 to 60. What stands at the border of the
 /// pictures, seen from one side, is partly learned as sky, which others than its own photographs then show in pieces; smooth,
 /// it is a better guess. But a sky that is smooth from the start blurs horizons for good (docs/quality.md).

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/opacity_entropy.h"
 #include "core/parallel.h"
 #include "core/random.h"
 #include "trainer/plain_background.h"
@@ -79,6 +80,7 @@ StepReport TrainStepper::differentiate(const TrainState& state, const RaySource&
         const StepReport& tile = tiles_[t].report;
         report.squared_error += tile.squared_error;
         report.distortion += tile.distortion;
+        report.entropy += tile.entropy;
         report.plain_opacity += tile.plain_opacity;
         report.rays += tile.rays;
         report.trace += tile.trace;
@@ -183,6 +185,10 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
         if (state.behind == Behind::plain && off_background <= kPlainTolerance) {
             dl_dtransmittance -= kPlainOpacity;
             tile.report.plain_opacity += opacity;
+        }
+        if (state.entropy > 0) {
+            dl_dtransmittance += state.entropy * opacityEntropySlope(transmittance);
+            tile.report.entropy += opacityEntropy(transmittance);
         }
         worker.dl_dtransmittance[r] = dl_dtransmittance;
         tile.report.squared_error += error;

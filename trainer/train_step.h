@@ -34,6 +34,8 @@ inline constexpr float kPlainOpacity = 0.3f;
 
 inline constexpr float kDistortion = 0.02f;  // of the loss, per unit of RayTracer::distortion; what training grows it to
 
+inline constexpr float kEntropy = 0.01f;  // of the loss, per opacityEntropy of a ray; what training shrinks to 0
+
 /// How far parameters move in one step.
 struct StepRates {
     float density = 0.2f;
@@ -65,12 +67,14 @@ struct TrainState {
     Adam sky_optimizer;
     Behind behind = Behind::fixed;
     float distortion = kDistortion;
+    float entropy = 0;
 };
 
 /// What a step saw; sums over its rays.
 struct StepReport {
     double squared_error = 0;  // summed over rays and channels
     double distortion = 0;     // summed over rays
+    double entropy = 0;        // of opacity, summed over rays
     double plain_opacity = 0;  // summed over rays whose pixels show just the plain background
     std::uint64_t rays = 0;
     TraceCounters trace;
@@ -87,8 +91,8 @@ public:
     StepReport step(TrainState& state, const RaySource& source, std::uint64_t step, int batch,
                     const StepRates& rates, const TraceOptions& trace);
 
-    /// The two halves of a step. First the loss (squared_error + state.distortion * distortion + kPlainOpacity *
-    /// plain_opacity) and its gradient; nothing moves ...
+    /// The two halves of a step. First the loss (squared_error + state.distortion * distortion + state.entropy * entropy +
+    /// kPlainOpacity * plain_opacity) and its gradient; nothing moves ...
     StepReport differentiate(const TrainState& state, const RaySource& source, std::uint64_t step, int batch,
                              const TraceOptions& trace);
     /// ... which stands here: of the voxels, leaf by leaf as LeafScatter::run hands it out, once; of the network ...

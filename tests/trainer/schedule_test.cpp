@@ -181,6 +181,16 @@ TEST_CASE("the distortion loss grows evenly from nothing, and is whole before ra
     CHECK(distortionFactor(1.1) == 1);
 }
 
+TEST_CASE("the entropy of opacity shrinks evenly to nothing, and is gone when rates fall") {
+    CHECK(entropyFactor(0) == 1);
+    CHECK(entropyFactor(0.3) == Approx(0.5));
+    for (double progress = 0; progress < 1; progress += 0.01)
+        CHECK(entropyFactor(progress + 0.01) <= entropyFactor(progress));
+    CHECK(entropyFactor(0.61) == 0);
+    CHECK(rateFactor(0.59) == 1);
+    CHECK(entropyFactor(1.1) == 0);
+}
+
 TEST_CASE("the sky is smoothed as it always was at first, and more and more, but never past its neighbours' mean") {
     CHECK(skySmoothingFactor(0) == 1);
     for (double progress = 0; progress < 1; progress += 0.01)

@@ -132,6 +132,7 @@ TEST_CASE("gradients of the whole step, from voxels and network to the loss, agr
         for (std::size_t i = 0; i < state.exposures.values().size(); ++i)
             state.exposures.values()[i] = test::randomIn(-0.3f, 0.3f, 4, i);
         state.distortion = 1;  // without its gradient, densities are off by 0.3 of the largest
+        state.entropy = 0.3f;
         state.occupancy = findOccupied(state.field, 0);
         RaySource source(sphere(), 4);
         source.update(state.field, state.occupancy);
@@ -143,6 +144,7 @@ TEST_CASE("gradients of the whole step, from voxels and network to the loss, agr
             const StepReport report = stepper.differentiate(state, source, 7, kBatch, exact);
             REQUIRE((report.plain_opacity > 1) == (behind == Behind::plain));
             return report.squared_error + static_cast<double>(state.distortion) * report.distortion +
+                   static_cast<double>(state.entropy) * report.entropy +
                    static_cast<double>(kPlainOpacity) * report.plain_opacity;
         };
         REQUIRE(loss() > 1);
