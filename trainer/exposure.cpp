@@ -22,26 +22,24 @@ Exposure Exposures::of(int view) const {
     return exposure;
 }
 
-std::vector<float> Exposures::gradient(std::span<const ExposedRay> rays) const {
-    std::vector<double> sums(values_.size());
+void Exposures::addGradient(std::span<const ExposedRay> rays, std::span<double> dl_dvalues) const {
     for (const ExposedRay& ray : rays) {
-        double* const sum = &sums[static_cast<std::size_t>(ray.view) * kValues];
+        double* const sum = &dl_dvalues[static_cast<std::size_t>(ray.view) * kValues];
         for (int r = 0; r < 3; ++r) {
             const double slope = ray.dl_dcolor[r];
             for (int c = 0; c < 3; ++c) sum[3 * r + c] += slope * ray.light[c];
             sum[9 + r] += slope * ray.coverage;
         }
     }
-    return {sums.begin(), sums.end()};
 }
 
-void Exposures::step(std::span<const float> gradient, std::uint64_t n_rays, float rate) {
+void Exposures::step(std::span<const double> dl_dvalues, std::uint64_t n_rays, float rate) {
     // A view's share of the batch, as if each view had a batch of its own.
     const float scale = static_cast<float>(static_cast<double>(viewCount()) / static_cast<double>(n_rays));
-    std::vector<float> slopes(values_.size());
-    for (std::size_t i = 0; i < slopes.size(); ++i)
-        slopes[i] = scale * gradient[i] + 2 * kTowardsIdentity * values_[i];
-    adam_.step(values_, slopes, rate);
+    slopes_.resize(values_.size());
+    for (std::size_t i = 0; i < slopes_.size(); ++i)
+        slopes_[i] = scale * static_cast<float>(dl_dvalues[i]) + 2 * kTowardsIdentity * values_[i];
+    adam_.step(values_, slopes_, rate);
 
     for (std::size_t k = 0; k < kValues; ++k) {
         double mean = 0;
@@ -62,10 +60,16 @@ std::vector<double> Exposures::gains() const {
     return gains;
 }
 
-double Exposures::spread() const {
-    double sum = 0;
-    for (const double gain : gains()) sum += (gain - 1) * (gain - 1);
-    return learned() ? std::sqrt(sum / static_cast<double>(viewCount())) : 0;
+double Exposures::ownSpread(std::span<const int> neighbour) const {
+    constexpr double kMedianDifference = 0.954;  // of two independent normal values, in standard deviations of one
+    if (!learned()) return 0;
+    const std::vector<double> gain = gains();
+    std::vector<double> differences;
+    for (std::size_t view = 0; view < gain.size(); ++view)
+        differences.push_back(std::abs(gain[view] - gain[static_cast<std::size_t>(neighbour[view])]));
+    const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(differences.size() / 2);
+    std::nth_element(differences.begin(), middle, differences.end());
+    return *middle / kMedianDifference;
 }
 
 }  // namespace nerfvdb

@@ -61,16 +61,17 @@ public:
     Exposure of(int view) const;
     std::span<float> values() { return values_; }  // [view][kValues]: matrix - I by rows, offset
 
-    /// Gradient of a batch's summed loss, [view][kValues]; the order of the rays, not of threads, is that of the sum.
-    std::vector<float> gradient(std::span<const ExposedRay> rays) const;
+    /// Adds the gradient of these rays' summed loss, one ray after the other, to dl_dvalues [view][kValues].
+    void addGradient(std::span<const ExposedRay> rays, std::span<double> dl_dvalues) const;
 
     /// One step of Adam on the mean loss of a batch of `n_rays`, drawn towards the identity, then centred again.
-    void step(std::span<const float> gradient, std::uint64_t n_rays, float rate);
+    void step(std::span<const double> dl_dvalues, std::uint64_t n_rays, float rate);
 
     /// How bright each photograph shows a mid grey of the scene, 1 as it is; [view].
     std::vector<double> gains() const;
-    /// Root mean square of gains - 1.
-    double spread() const;
+    /// How much of its gain is a photograph's own, not shared with `neighbour[view]` (nearestViews): the standard deviation of
+    /// independent gains whose median difference is theirs. A camera that follows the light as it goes has little.
+    double ownSpread(std::span<const int> neighbour) const;
 
     /// What a checkpoint keeps, in its order.
     template <typename Visitor>
@@ -86,6 +87,7 @@ private:
     std::vector<float> values_;
     bool with_background_ = true;
     Adam adam_;
+    std::vector<float> slopes_;  // working memory of step
 };
 
 }  // namespace nerfvdb

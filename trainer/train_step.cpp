@@ -115,11 +115,10 @@ std::span<const float> TrainStepper::skyGradient(const Sky& sky) {
     return dl_dsky_;
 }
 
-std::vector<float> TrainStepper::exposureGradient(const Exposures& exposures) const {
-    std::vector<ExposedRay> rays;
-    for (std::size_t t = 0; t < n_tiles_; ++t)
-        rays.insert(rays.end(), tiles_[t].exposed.begin(), tiles_[t].exposed.end());
-    return exposures.gradient(rays);
+std::span<const double> TrainStepper::exposureGradient(const Exposures& exposures) {
+    dl_dexposures_.assign(exposures.viewCount() * Exposures::kValues, 0.0);
+    for (std::size_t t = 0; t < n_tiles_; ++t) exposures.addGradient(tiles_[t].exposed, dl_dexposures_);
+    return dl_dexposures_;
 }
 
 void TrainStepper::runTile(const TrainState& state, const RaySource& source, std::uint64_t step, int first_ray,

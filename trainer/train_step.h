@@ -102,7 +102,7 @@ public:
     /// ... of the sky, [height][width][3] as Sky::values; empty without one ...
     std::span<const float> skyGradient(const Sky& sky);
     /// ... and of the exposures, [view][Exposures::kValues].
-    std::vector<float> exposureGradient(const Exposures& exposures) const;
+    std::span<const double> exposureGradient(const Exposures& exposures);
 
 private:
     static constexpr int kMaxTileRays = 256;
@@ -133,6 +133,7 @@ private:
     std::vector<Tile> tiles_;
     std::vector<TileGradients> gradients_;
     std::vector<float> dl_dnetwork_, dl_dsky_, sky_scratch_;
+    std::vector<double> dl_dexposures_;
     LeafScatter scatter_;
 };
 

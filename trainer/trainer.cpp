@@ -24,6 +24,7 @@
 #include "trainer/seen_cells.h"
 #include "trainer/step_guard.h"
 #include "trainer/train_plan.h"
+#include "trainer/view_neighbours.h"
 #include "vdb/adapt.h"
 
 namespace nerfvdb {
@@ -47,7 +48,7 @@ constexpr double kTellSeconds = 2;          // between progress reports
 constexpr std::int64_t kFirstOccupancy = 32, kLastOccupancy = 512;  // steps between updates, growing inside a stage
 constexpr std::int64_t kProbeSteps = 40;    // of a stage, before its cost is believed
 constexpr std::int64_t kCarvedSteps = 150;  // ... and of the first in an open scene, before it is believed at last
-constexpr double kSameExposure = 0.05;      // spread of gains that is not worth learning: fox has 0.03 and loses by it
+constexpr double kSameExposure = 0.05;      // Exposures::ownSpread that is not worth learning (docs/quality.md)
 constexpr double kSaveSeconds = 0.3, kSaveSecondsPerVoxel = 1.0e-6;  // pruning and writing the model
 
 /// Of voxels smaller than are chosen by themselves.
@@ -360,13 +361,13 @@ void Training::enterStage() {
     else if (plans_time_ && step_seconds_ > 0) replanForTime();
 }
 
-/// Photographs that hardly differ are better learned as they are: a model shows such differences by itself, between
-/// neighbouring directions, and held-out photographs have them too.
+/// Photographs that hardly differ from their neighbours are better learned as they are: a model shows such differences by
+/// itself, as it does what changes with direction, and held-out photographs, between them, have them too.
 void Training::settleExposure() {
     place_.tries_exposure = false;
-    const double spread = state_.exposures.spread();
+    const double spread = state_.exposures.ownSpread(nearestViews(dataset_.views));
     char text[128];
-    std::snprintf(text, sizeof text, "exposure: photographs differ by %.1f %%: %s", 100 * spread,
+    std::snprintf(text, sizeof text, "exposure: photographs differ by %.1f %% from their neighbours: %s", 100 * spread,
                   spread < kSameExposure ? "taken as equal (--exposure on learns it)" : "learned for each");
     notes_.push_back(text);
     report_.info(text);

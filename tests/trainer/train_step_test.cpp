@@ -161,7 +161,8 @@ TEST_CASE("gradients of the whole step, from voxels and network to the loss, agr
             std::fill_n(gradient.touched, kLeafWords, 0);
         });
         addNetworkSections(state.decoder, stepper.networkGradient(), sections);
-        sections.push_back({"exposures", state.exposures.values().data(), stepper.exposureGradient(state.exposures),
+        const std::span<const double> dl_dexposures = stepper.exposureGradient(state.exposures);
+        sections.push_back({"exposures", state.exposures.values().data(), {dl_dexposures.begin(), dl_dexposures.end()},
                             0.0025f, kSmooth});
 
         for (Section& section : sections) {

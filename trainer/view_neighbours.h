@@ -1,0 +1,15 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which photograph shows most nearly what another does, judged by cameras alone.
+#pragma once
+
+#include <vector>
+
+#include "trainer/dataset.h"
+
+namespace nerfvdb {
+
+/// For each view the other one whose camera stands and looks most alike: squared distance of positions, in units of their
+/// mean square about their mean, plus that of directions. The first of several; of a single view the view itself. [view]
+std::vector<int> nearestViews(const std::vector<View>& views);
+
+}  // namespace nerfvdb
