@@ -49,7 +49,7 @@ constexpr std::int64_t kFirstOccupancy = 32, kLastOccupancy = 512;  // steps bet
 constexpr std::int64_t kProbeSteps = 40;    // of a stage, before its cost is believed
 constexpr std::int64_t kCarvedSteps = 150;  // ... and of the first in an open scene, before it is believed at last
 constexpr double kSameExposure = 0.05;      // Exposures::ownSpread that is not worth learning (docs/quality.md)
-constexpr double kSaveSeconds = 0.3, kSaveSecondsPerVoxel = 1.0e-6;  // pruning and writing the model
+constexpr double kSaveSeconds = 0.3, kSaveSecondsPerVoxel = 0.5e-6;  // pruning and writing the model
 
 /// Of voxels smaller than are chosen by themselves.
 bool isAskedFor(const Stage& stage) { return stage.level >= kMaxLevels; }
