@@ -133,7 +133,7 @@ Command addTrain(CLI::App& program) {
     app.add_option("--exposure", words->exposure,
                    "Learn what exposure and white balance did to each photograph, as an affine map of its colours; the "
                    "model shows the mean of them: on, off, or auto: on where photographs without alpha are found to differ "
-                   "by more than 5 % from those beside them [auto]")
+                   "in brightness by more than 5 % from those taken nearest [auto]")
         ->check(CLI::IsMember({"auto", "on", "off"}))
         ->type_name("NAME");
     app.add_option("--bounds", words->bounds,

@@ -2,8 +2,8 @@
 // How undecided a ray is between nothing and a wall: the entropy of what comes through it, and its derivative.
 //
 //   H(T) = -T ln T - (1 - T) ln(1 - T),   dH_dT = ln((1 - T) / T)
-// Source: Kim et al. 2022, "InfoNeRF", eq. 5, has the entropy of a ray's normalised samples; this is that of its two ends, as
-// instant-ngp's and nerfacc's opacity losses have it. It asks thin fog, which photographs of places leave open, to be gone.
+// Source: Sun et al. 2022, "Direct Voxel Grid Optimization", the background entropy loss. It asks thin fog, which photographs of
+// places leave open, to be gone.
 #pragma once
 
 #include <cmath>

@@ -61,15 +61,15 @@ std::vector<double> Exposures::gains() const {
 }
 
 double Exposures::ownSpread(std::span<const int> neighbour) const {
-    constexpr double kMedianDifference = 0.954;  // of two independent normal values, in standard deviations of one
+    constexpr double kUpperQuartile = 1.627;  // of |a - b|, a and b normal: 1.150 sqrt(2), in standard deviations
     if (!learned()) return 0;
     const std::vector<double> gain = gains();
     std::vector<double> differences;
     for (std::size_t view = 0; view < gain.size(); ++view)
         differences.push_back(std::abs(gain[view] - gain[static_cast<std::size_t>(neighbour[view])]));
-    const auto middle = differences.begin() + static_cast<std::ptrdiff_t>(differences.size() / 2);
-    std::nth_element(differences.begin(), middle, differences.end());
-    return *middle / kMedianDifference;
+    const auto quartile = differences.begin() + static_cast<std::ptrdiff_t>(3 * differences.size() / 4);
+    std::nth_element(differences.begin(), quartile, differences.end());
+    return *quartile / kUpperQuartile;
 }
 
 }  // namespace nerfvdb

@@ -70,7 +70,8 @@ public:
     /// How bright each photograph shows a mid grey of the scene, 1 as it is; [view].
     std::vector<double> gains() const;
     /// How much of its gain is a photograph's own, not shared with `neighbour[view]` (nearestViews): the standard deviation of
-    /// independent gains whose median difference is theirs. A camera that follows the light as it goes has little.
+    /// independent normal gains whose differences' upper quartile is theirs. A camera that follows the light as it goes has
+    /// little, in spite of some leaps.
     double ownSpread(std::span<const int> neighbour) const;
 
     /// What a checkpoint keeps, in its order.

@@ -24,7 +24,7 @@ struct TrainOptions {
     std::optional<double> time_s;               // wall time from process start to file on disk
     std::vector<std::int64_t> steps;            // total number of steps (one entry) or steps per stage (all entries)
     BackgroundMode background = BackgroundMode::automatic;
-    ExposureMode exposure = ExposureMode::automatic;  // on where photographs without alpha differ by it
+    ExposureMode exposure = ExposureMode::automatic;  // on where photographs without alpha differ from their neighbours by it
     SceneExtent extent = SceneExtent::automatic;
     std::optional<Box> bounds;                  // world units; of an open scene, its inner box
     std::optional<double> voxel_size;           // world units, at the end (of the inner box); absent: by what photographs show

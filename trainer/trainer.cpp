@@ -49,7 +49,7 @@ constexpr std::int64_t kFirstOccupancy = 32, kLastOccupancy = 512;  // steps bet
 constexpr std::int64_t kProbeSteps = 40;    // of a stage, before its cost is believed
 constexpr std::int64_t kCarvedSteps = 150;  // ... and of the first in an open scene, before it is believed at last
 constexpr double kSameExposure = 0.05;      // Exposures::ownSpread that is not worth learning (docs/quality.md)
-constexpr double kSaveSeconds = 0.3, kSaveSecondsPerVoxel = 0.5e-6;  // pruning and writing the model
+constexpr double kSaveSeconds = 0.3, kSaveSecondsPerVoxel = 0.5e-6;  // pruning, writing checkpoint and model: measured half of it
 
 /// Of voxels smaller than are chosen by themselves.
 bool isAskedFor(const Stage& stage) { return stage.level >= kMaxLevels; }
@@ -367,7 +367,7 @@ void Training::settleExposure() {
     place_.tries_exposure = false;
     const double spread = state_.exposures.ownSpread(nearestViews(dataset_.views));
     char text[128];
-    std::snprintf(text, sizeof text, "exposure: photographs differ by %.1f %% from their neighbours: %s", 100 * spread,
+    std::snprintf(text, sizeof text, "exposure: photographs differ by %.1f %% from those taken nearest: %s", 100 * spread,
                   spread < kSameExposure ? "taken as equal (--exposure on learns it)" : "learned for each");
     notes_.push_back(text);
     report_.info(text);

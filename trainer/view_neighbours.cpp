@@ -1,31 +1,50 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trainer/view_neighbours.h"
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "core/parallel.h"
 
 namespace nerfvdb {
+namespace {
+
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+constexpr std::size_t kViewsATask = 64;
+
+/// Median over the views of the squared distance to the nearest camera that stands elsewhere; 0 if all stand in one place.
+double squaredStride(const std::vector<View>& views) {
+    std::vector<double> nearest(views.size(), kInfinity);
+    parallelRanges(views.size(), kViewsATask, [&](std::size_t first, std::size_t last) {
+        for (std::size_t i = first; i < last; ++i)
+            for (const View& other : views) {
+                const double apart = (other.camera.position - views[i].camera.position).squaredNorm();
+                if (apart > 0) nearest[i] = std::min(nearest[i], apart);
+            }
+    });
+    const auto middle = nearest.begin() + static_cast<std::ptrdiff_t>(nearest.size() / 2);
+    std::nth_element(nearest.begin(), middle, nearest.end());
+    return *middle < kInfinity ? *middle : 0;
+}
+
+}  // namespace
 
 std::vector<int> nearestViews(const std::vector<View>& views) {
-    const std::size_t n = views.size();
-    Vec3d mean = Vec3d::Zero();
-    for (const View& view : views) mean += view.camera.position / static_cast<double>(n);
-    double mean_square = 0;
-    for (const View& view : views) mean_square += (view.camera.position - mean).squaredNorm() / static_cast<double>(n);
-    // All in one place: only directions differ.
-    const double per_square = mean_square > 0 ? 1 / mean_square : 0;
-
-    std::vector<int> nearest(n);
-    parallelRanges(n, 64, [&](std::size_t first, std::size_t last) {
+    if (views.empty()) return {};
+    constexpr double kPerTurn = 100;  // squared strides per squared radian: 6 degrees are a stride
+    const double stride = squaredStride(views);
+    const double per_turn = stride > 0 ? kPerTurn * stride : 1;
+    std::vector<int> nearest(views.size());
+    parallelRanges(views.size(), kViewsATask, [&](std::size_t first, std::size_t last) {
         for (std::size_t i = first; i < last; ++i) {
             nearest[i] = static_cast<int>(i);
-            double least = std::numeric_limits<double>::infinity();
+            double least = kInfinity;
             const Camera& here = views[i].camera;
-            for (std::size_t k = 0; k < n; ++k) {
+            for (std::size_t k = 0; k < views.size(); ++k) {
                 const Camera& other = views[k].camera;
-                const double apart = per_square * (other.position - here.position).squaredNorm() +
-                                     (other.world_from_camera.col(2) - here.world_from_camera.col(2)).squaredNorm();
+                const double apart = (other.position - here.position).squaredNorm() +
+                                     per_turn * (other.world_from_camera.col(2) - here.world_from_camera.col(2)).squaredNorm();
                 if (k == i || !(apart < least)) continue;
                 least = apart;
                 nearest[i] = static_cast<int>(k);

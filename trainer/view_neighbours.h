@@ -8,8 +8,9 @@
 
 namespace nerfvdb {
 
-/// For each view the other one whose camera stands and looks most alike: squared distance of positions, in units of their
-/// mean square about their mean, plus that of directions. The first of several; of a single view the view itself. [view]
+/// For each view the other one whose camera stands and looks most alike: to turn by 6 degrees counts as much as to go as far as
+/// it is, for the median of the views, to the nearest camera that stands elsewhere. The first of several; of a single view the
+/// view itself. [view]
 std::vector<int> nearestViews(const std::vector<View>& views);
 
 }  // namespace nerfvdb

@@ -11,7 +11,7 @@ TEST_CASE("the entropy of opacity is that of a coin, and goes on straight where 
     const auto exact = [](double t) { return -t * std::log(t) - (1 - t) * std::log(1 - t); };
     for (const float t : {0.001f, 0.01f, 0.2f, 0.5f, 0.7f, 0.998f}) {
         CAPTURE(t);
-        CHECK(opacityEntropy(t) == Approx(exact(t)).epsilon(1e-5));  // 1 - t keeps 4 digits less than t at 0.998
+        CHECK(opacityEntropy(t) == Approx(exact(t)).epsilon(1e-5));  // 1 - t has five digits left at 0.998
     }
     CHECK(opacityEntropySlope(0) == opacityEntropySlope(kDecided));
     CHECK(opacityEntropySlope(1) == opacityEntropySlope(1 - kDecided));

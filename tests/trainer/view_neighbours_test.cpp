@@ -6,6 +6,7 @@
 
 #include "core/types.h"
 #include "tests/support/catch.h"
+#include "tests/support/random_field.h"
 
 using namespace nerfvdb;
 
@@ -36,6 +37,27 @@ TEST_CASE("of cameras in one place those are nearest that look the same way") {
         turned.push_back(viewFrom({1, 2, 3}, {1 + std::cos(angle), 2 + std::sin(angle), 3}));
     }
     CHECK(nearestViews(turned) == std::vector<int>{3, 2, 1, 0, 1});
+}
+
+TEST_CASE("on a long walk of a camera that turns about, with one pose far astray, the nearest view is still a near one") {
+    std::vector<View> walk;
+    for (int i = 0; i < 400; ++i) {
+        const double turn = test::randomIn(-0.2f, 0.2f, 71, i);
+        walk.push_back(viewFrom(Vec3d(i, 0, 0), Vec3d(i + 20 * std::sin(turn), 20 * std::cos(turn), 0)));
+    }
+    walk.push_back(viewFrom(Vec3d(0, -1e6, 0), Vec3d(0, 0, 0)));
+    const std::vector<int> nearest = nearestViews(walk);
+    for (int i = 0; i < 400; ++i) CHECK(std::abs(nearest[i] - i) <= 4);  // 23 degrees to either side are 4 strides
+    CHECK(nearest[400] < 400);
+}
+
+TEST_CASE("of a pair of cameras on one pole that look apart, the nearest is what looks the same way from the next place") {
+    std::vector<View> pairs;
+    for (int i = 0; i < 6; ++i) {
+        pairs.push_back(viewFrom(Vec3d(i, 0, 0), Vec3d(i, 9, 0)));
+        pairs.push_back(viewFrom(Vec3d(i, 0, 0), Vec3d(i, -9, 0)));
+    }
+    CHECK(nearestViews(pairs) == std::vector<int>{2, 3, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9});
 }
 
 TEST_CASE("back to back in nearly one place is not near") {
