@@ -81,6 +81,7 @@ StepReport TrainStepper::differentiate(const TrainState& state, const RaySource&
         report.squared_error += tile.squared_error;
         report.distortion += tile.distortion;
         report.entropy += tile.entropy;
+        report.alpha_error += tile.alpha_error;
         report.plain_opacity += tile.plain_opacity;
         report.rays += tile.rays;
         report.trace += tile.trace;
@@ -151,10 +152,11 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
         const float* const direction = tracer.directions() + 3 * r;
         const bool sees_sky = !state.sky.isEmpty() && transmittance > kLeastSky;
         const Vec3f background = sees_sky ? state.sky.at(direction) : state.background;
+        // Every other ray before the background itself, on which pictures are shown.
+        const bool before_random = state.behind == Behind::random && mixBits(drawn.bits + 3) >> 63 != 0;
         float behind[3], light[3], color[3], dl_dcolor[3], dl_dlight[3];
         for (int c = 0; c < 3; ++c) {
-            behind[c] = state.behind == Behind::random ? unitFloat(static_cast<std::uint32_t>(mixBits(drawn.bits + c)))
-                                                : background[c];
+            behind[c] = before_random ? unitFloat(static_cast<std::uint32_t>(mixBits(drawn.bits + c))) : background[c];
             light[c] = opacity * worker.rgb[3 * r + c] + exposed_background * transmittance * behind[c];
         }
         const Exposure exposure = state.exposures.of(drawn.view);
@@ -188,6 +190,11 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
         if (state.entropy > 0) {
             dl_dtransmittance += state.entropy * opacityEntropySlope(transmittance);
             tile.report.entropy += opacityEntropy(transmittance);
+        }
+        if (state.alpha > 0) {
+            const float difference = opacity - drawn.rgba[3];
+            dl_dtransmittance -= 2 * state.alpha * difference;
+            tile.report.alpha_error += difference * difference;
         }
         worker.dl_dtransmittance[r] = dl_dtransmittance;
         tile.report.squared_error += error;

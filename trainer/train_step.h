@@ -24,7 +24,7 @@ inline constexpr int kSmoothEvery = 4;
 /// What is behind the scene where nothing hides it.
 enum class Behind : std::uint8_t {
     fixed,   // the background, which is a guess, or stands behind photographs with alpha
-    random,  // a random colour behind each ray, which photographs with alpha are learned before
+    random,  // a random colour behind every other ray, the background behind the rest: photographs with alpha
     plain,   // the background, as photographs show it: a pixel of its colour shows nothing else
 };
 
@@ -33,6 +33,10 @@ enum class Behind : std::uint8_t {
 inline constexpr float kPlainOpacity = 0.3f;
 
 inline constexpr float kDistortion = 0.02f;  // of the loss, per unit of RayTracer::distortion; what training grows it to
+
+/// Of the loss, per squared difference of a ray's opacity and its pixel's alpha, where photographs have alpha. Random colours
+/// behind rays say the same, but one ray at a time and with their noise.
+inline constexpr float kAlpha = 1;
 
 inline constexpr float kEntropy = 0.01f;  // of the loss, per opacityEntropy of a ray; what training shrinks to 0
 
@@ -68,6 +72,7 @@ struct TrainState {
     Behind behind = Behind::fixed;
     float distortion = kDistortion;
     float entropy = 0;
+    float alpha = 0;
 };
 
 /// What a step saw; sums over its rays.
@@ -75,6 +80,7 @@ struct StepReport {
     double squared_error = 0;  // summed over rays and channels
     double distortion = 0;     // summed over rays
     double entropy = 0;        // of opacity, summed over rays
+    double alpha_error = 0;    // squared, summed over rays
     double plain_opacity = 0;  // summed over rays whose pixels show just the plain background
     std::uint64_t rays = 0;
     TraceCounters trace;
@@ -92,7 +98,7 @@ public:
                     const StepRates& rates, const TraceOptions& trace);
 
     /// The two halves of a step. First the loss (squared_error + state.distortion * distortion + state.entropy * entropy +
-    /// kPlainOpacity * plain_opacity) and its gradient; nothing moves ...
+    /// state.alpha * alpha_error + kPlainOpacity * plain_opacity) and its gradient; nothing moves ...
     StepReport differentiate(const TrainState& state, const RaySource& source, std::uint64_t step, int batch,
                              const TraceOptions& trace);
     /// ... which stands here: of the voxels, leaf by leaf as LeafScatter::run hands it out, once; of the network ...

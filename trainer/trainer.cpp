@@ -403,6 +403,7 @@ void Training::stepOnce() {
     const double begin = clock_.seconds();
     const double progress = progressAt(place_.stages, place_.stage, place_.step_in_stage);
     state_.distortion = kDistortion * static_cast<float>(distortionFactor(progress));
+    state_.alpha = dataset_.has_alpha ? kAlpha : 0;
     // Alpha says already what is fog.
     state_.entropy = dataset_.has_alpha ? 0 : kEntropy * static_cast<float>(entropyFactor(progress));
     const StepReport result = guard_.step(stepper_, state_, source_, static_cast<std::uint64_t>(place_.step),

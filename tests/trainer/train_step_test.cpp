@@ -133,6 +133,7 @@ TEST_CASE("gradients of the whole step, from voxels and network to the loss, agr
             state.exposures.values()[i] = test::randomIn(-0.3f, 0.3f, 4, i);
         state.distortion = 1;  // without its gradient, densities are off by 0.3 of the largest
         state.entropy = 0.3f;
+        state.alpha = behind == Behind::plain ? 0 : 1;
         state.occupancy = findOccupied(state.field, 0);
         RaySource source(sphere(), 4);
         source.update(state.field, state.occupancy);
@@ -145,6 +146,7 @@ TEST_CASE("gradients of the whole step, from voxels and network to the loss, agr
             REQUIRE((report.plain_opacity > 1) == (behind == Behind::plain));
             return report.squared_error + static_cast<double>(state.distortion) * report.distortion +
                    static_cast<double>(state.entropy) * report.entropy +
+                   static_cast<double>(state.alpha) * report.alpha_error +
                    static_cast<double>(kPlainOpacity) * report.plain_opacity;
         };
         REQUIRE(loss() > 1);
@@ -232,6 +234,38 @@ TEST_CASE("against a random background alone, a transparent scene is what an emp
     CHECK(report.squared_error < 1e-8);
     test::setDensity(state.field, [](const Vec3i&) { return 3.0f; });
     CHECK(stepper.step(state, source, 1, 300, {}, {}).squared_error > 10);  // and matter does have one
+}
+
+TEST_CASE("before its own background, what alpha alone contradicts is learned away") {
+    // White matter before white, in photographs that are empty: only their alpha says so.
+    Dataset empty = sphere();
+    for (View& view : empty.views)
+        for (auto& pixel : view.photo.pixels) pixel = {255, 255, 255, 0};
+    const auto opacity = [&](float alpha) {
+        TrainState state = freshState();
+        test::setDensity(state.field, [](const Vec3i&) { return -5.0f; });  // what is opaque would have no gradient
+        for (float& raw : state.field.features()) raw = 8;
+        state.alpha = alpha;
+        RaySource source(empty, 11);
+        source.update(state.field, state.occupancy);
+        TrainStepper stepper;
+        double before = 0, after = 0;
+        StepRates rates;
+        rates.sparsity = 0;
+        for (int step = 0; step < 12; ++step) {
+            const StepReport report = stepper.step(state, source, static_cast<std::uint64_t>(step), 300, rates, {});
+            REQUIRE(report.is_finite);
+            (step == 0 ? before : after) = report.alpha_error / 300;
+        }
+        // What is not asked for is not counted.
+        CHECK((before > 0) == (alpha > 0));
+        state.alpha = 1;
+        return stepper.differentiate(state, source, 99, 300, {}).alpha_error / 300;
+    };
+    const double ignored = opacity(0), learned = opacity(1);
+    CAPTURE(ignored, learned);
+    CHECK(ignored > 0.1);
+    CHECK(learned < 0.5 * ignored);
 }
 
 TEST_CASE("a step that meets NaN moves nothing and names the pixel") {
