@@ -126,8 +126,8 @@ Command addTrain(CLI::App& program) {
         ->type_name("EXTENT");
     app.add_option("--background", words->background,
                    "What is behind the scene: white, black, random (white behind half the rays, random colours behind the "
-                   "others, shown on white), or auto: random where photographs have alpha, else the plain colour before which they show an object, else their mean "
-                   "[auto]")
+                   "others, shown on white), or auto: random where photographs have alpha, else the plain colour before "
+                   "which they show an object, else their mean [auto]")
         ->check(CLI::IsMember({"auto", "white", "black", "random"}))
         ->type_name("NAME");
     app.add_option("--exposure", words->exposure,
