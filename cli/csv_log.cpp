@@ -23,9 +23,10 @@ CsvLog::~CsvLog() {
 
 void CsvLog::add(const TrainProgress& progress) {
     if (rows_.empty()) keepEarlierRows(progress.step);
-    rows_ += formatted("%lld,%.2f,%.6g,%.3f,%llu,%zu\n", static_cast<long long>(progress.step),
+    rows_ += formatted("%lld,%.2f,%.6g,%.3f,%llu,%zu,%.6g,%.6g,%.6g\n", static_cast<long long>(progress.step),
                        earlier_seconds_ + progress.seconds, progress.loss, progress.psnr,
-                       static_cast<unsigned long long>(progress.rays), progress.voxels);
+                       static_cast<unsigned long long>(progress.rays), progress.voxels, progress.distortion,
+                       progress.entropy, progress.alpha_error);
     write(progress.has_checkpoint ? path_ : part_);
 }
 
@@ -34,7 +35,7 @@ void CsvLog::finish() {
 }
 
 void CsvLog::keepEarlierRows(std::int64_t before_step) {
-    rows_ = "step,seconds,loss,psnr,rays,voxels\n";
+    rows_ = "step,seconds,loss,psnr,rays,voxels,distortion,entropy,alpha_error\n";
     std::istringstream earlier(earlier_);
     std::string row;
     std::getline(earlier, row);  // the head

@@ -123,8 +123,7 @@ private:
     Clock clock_;
     double step_seconds_ = 0;  // running mean on the current level; 0: unknown
     double last_told_ = 0;
-    double interval_error_ = 0;
-    std::uint64_t interval_rays_ = 0;
+    StepReport interval_;  // its sums over rays
 };
 
 void Training::start() {
@@ -418,8 +417,11 @@ void Training::stepOnce() {
     ++place_.step;
     ++place_.step_in_stage;
 
-    interval_error_ += result.squared_error;
-    interval_rays_ += result.rays;
+    interval_.squared_error += result.squared_error;
+    interval_.distortion += state_.distortion > 0 ? result.distortion : 0;
+    interval_.entropy += result.entropy;
+    interval_.alpha_error += result.alpha_error;
+    interval_.rays += result.rays;
     constexpr double kMemory = 0.98;  // the first step of a level, on cold memory, counts little
     const double seconds = clock_.seconds() - begin;
     step_seconds_ = step_seconds_ == 0 ? seconds : kMemory * step_seconds_ + (1 - kMemory) * seconds;
@@ -486,20 +488,23 @@ void Training::refine() {
 
 void Training::tell(bool force) {
     const double now = clock_.seconds();
-    if (interval_rays_ == 0 || (!force && now - last_told_ < kTellSeconds)) return;
+    if (interval_.rays == 0 || (!force && now - last_told_ < kTellSeconds)) return;
     last_told_ = now;
     TrainProgress progress;
     progress.step = place_.step;
     progress.total_steps = totalSteps();
     progress.stage = static_cast<int>(place_.stage);
-    progress.loss = interval_error_ / (3.0 * static_cast<double>(interval_rays_));
+    const auto rays = static_cast<double>(interval_.rays);
+    progress.loss = interval_.squared_error / (3 * rays);
     progress.psnr = psnrFromMse(progress.loss);
+    progress.distortion = interval_.distortion / rays;
+    progress.entropy = interval_.entropy / rays;
+    progress.alpha_error = interval_.alpha_error / rays;
     progress.rays = place_.rays;
     progress.voxels = state_.field.topology().voxelCount();
     progress.seconds = now + options_.elapsed_s;
     progress.has_checkpoint = checkpoints_.hasFile();
-    interval_error_ = 0;
-    interval_rays_ = 0;
+    interval_ = {};
     if (on_interval_) on_interval_(progress);
     char note[64];
     std::snprintf(note, sizeof note, "%.2f dB, %.2f M voxels", progress.psnr,

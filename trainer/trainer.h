@@ -21,6 +21,8 @@ struct TrainProgress {
     int stage = 0;
     double loss = 0;             // mean squared error of the interval
     double psnr = 0;             // of that loss, dB
+    // What else the loss holds, means over the interval's rays, before their weights; 0: not in the loss.
+    double distortion = 0, entropy = 0, alpha_error = 0;
     std::uint64_t rays = 0;      // drawn so far
     std::size_t voxels = 0;      // active
     double seconds = 0;          // since training began

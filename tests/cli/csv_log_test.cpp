@@ -12,7 +12,7 @@ namespace fs = std::filesystem;
 
 namespace {
 
-const std::string kHead = "step,seconds,loss,psnr,rays,voxels\n";
+const std::string kHead = "step,seconds,loss,psnr,rays,voxels,distortion,entropy,alpha_error\n";
 
 TrainProgress progressOf(std::int64_t step, double seconds, bool has_checkpoint) {
     TrainProgress progress;
@@ -22,6 +22,8 @@ TrainProgress progressOf(std::int64_t step, double seconds, bool has_checkpoint)
     progress.psnr = 6.0206;
     progress.rays = 1000;
     progress.voxels = 8;
+    progress.distortion = 0.5;
+    progress.alpha_error = 0.125;
     progress.has_checkpoint = has_checkpoint;
     return progress;
 }
@@ -43,7 +45,7 @@ TEST_CASE("a run that fails before its first checkpoint leaves the log of the ru
         CsvLog log(path, /*resume=*/false, silent);
         log.add(progressOf(10, 2, false));
         CHECK(readFile(path) == "of the run before");
-        CHECK(readFile(dir / "model.csv.part") == kHead + "10,2.00,0.25,6.021,1000,8\n");  // to be looked at
+        CHECK(readFile(dir / "model.csv.part") == kHead + "10,2.00,0.25,6.021,1000,8,0.5,0,0.125\n");  // to be looked at
     }
     CHECK(readFile(path) == "of the run before");
     CHECK_FALSE(fs::exists(dir / "model.csv.part"));
@@ -61,28 +63,28 @@ TEST_CASE("a log takes its name with the checkpoint, and with the model at the l
         log.add(progressOf(20, 4, false));
         log.finish();
     }
-    CHECK(readFile(path) == kHead + "10,2.00,0.25,6.021,1000,8\n20,4.00,0.25,6.021,1000,8\n");
+    CHECK(readFile(path) == kHead + "10,2.00,0.25,6.021,1000,8,0.5,0,0.125\n20,4.00,0.25,6.021,1000,8,0.5,0,0.125\n");
     CHECK_FALSE(fs::exists(dir / "model.csv.part"));
 }
 
 TEST_CASE("a resumed run continues the rows and the seconds of its log", "[cli]") {
     const TempDir dir;
     const fs::path path = dir / "model.csv";
-    writeAtomically(path, kHead + "10,2.00,0.25,6,1,8\n20,4.50,0.25,6,1,8\n30,7.00,0.25,6,1,8\n");
+    writeAtomically(path, kHead + "10,2.00,0.25,6,1,8,0.5,0.25,0\n20,4.50,0.25,6,1,8,0.5,0.25,0\n30,7.00,0.25,6,1,8,0.5,0.25,0\n");
     Report silent;
     CsvLog log(path, /*resume=*/true, silent);
     log.add(progressOf(25, 1, true));  // the checkpoint was made before step 25; row 30 came to nothing
     log.add(progressOf(35, 3, true));
-    CHECK(readFile(path) == kHead + "10,2.00,0.25,6,1,8\n20,4.50,0.25,6,1,8\n" +
-                                "25,5.50,0.25,6.021,1000,8\n35,7.50,0.25,6.021,1000,8\n");
+    CHECK(readFile(path) == kHead + "10,2.00,0.25,6,1,8,0.5,0.25,0\n20,4.50,0.25,6,1,8,0.5,0.25,0\n" +
+                                "25,5.50,0.25,6.021,1000,8,0.5,0,0.125\n35,7.50,0.25,6.021,1000,8,0.5,0,0.125\n");
 }
 
 TEST_CASE("a resumed run with nothing left to do keeps its log", "[cli]") {
     const TempDir dir;
-    writeAtomically(dir / "model.csv", kHead + "10,2.00,0.25,6,1,8\n");
+    writeAtomically(dir / "model.csv", kHead + "10,2.00,0.25,6,1,8,0.5,0.25,0\n");
     Report silent;
     CsvLog(dir / "model.csv", /*resume=*/true, silent).finish();
-    CHECK(readFile(dir / "model.csv") == kHead + "10,2.00,0.25,6,1,8\n");
+    CHECK(readFile(dir / "model.csv") == kHead + "10,2.00,0.25,6,1,8,0.5,0.25,0\n");
 }
 
 TEST_CASE("a log that cannot be written is one warning", "[cli]") {
