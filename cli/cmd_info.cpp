@@ -25,6 +25,7 @@ struct ShellFacts {
     double voxel_size = 0;  // world units
     Box box;
     std::size_t active_voxels = 0, cells = 0;
+    std::vector<std::size_t> halved;  // of the active voxels, those that are half as large, a quarter, ...
 };
 
 std::vector<ShellFacts> shellFacts(const VoxelField& field) {
@@ -32,11 +33,17 @@ std::vector<ShellFacts> shellFacts(const VoxelField& field) {
     for (int shell = 0; shell < field.shells().count; ++shell) {
         facts[shell].voxel_size = field.frame().voxel_size * Shells::scale(shell);
         facts[shell].box = field.shellBox(shell);
+        facts[shell].halved.resize(static_cast<std::size_t>(field.shells().mostHalvings()));
     }
     const Topology& topology = field.topology();
     for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf) {
-        ShellFacts& shell = facts[field.shells().shellOf(topology.leafCoords()[leaf].x() * kLeafDim)];
-        forEachBit(topology.voxels()[leaf], [&](int) { ++shell.active_voxels; });
+        const int layer = field.shells().layerAt(topology.leafCoords()[leaf].x() * kLeafDim);
+        const int halvings = field.shells().halvingsOf(layer);
+        ShellFacts& shell = facts[field.shells().shellOf(layer)];
+        forEachBit(topology.voxels()[leaf], [&](int) {
+            ++shell.active_voxels;
+            if (halvings > 0) ++shell.halved[halvings - 1];
+        });
         forEachBit(topology.cells()[leaf], [&](int) { ++shell.cells; });
     }
     return facts;
@@ -48,6 +55,7 @@ Json shellsJson(const std::vector<ShellFacts>& shells) {
         json.push_back({{"voxel_size", shell.voxel_size},
                         {"bounds", boxJson(shell.box)},
                         {"active_voxels", shell.active_voxels},
+                        {"halved", shell.halved},
                         {"cells", shell.cells}});
     return json;
 }
@@ -56,10 +64,13 @@ Json shellsJson(const std::vector<ShellFacts>& shells) {
 std::string shellsText(const std::vector<ShellFacts>& shells) {
     if (shells.size() == 1) return "";
     std::string text;
-    for (std::size_t i = 0; i < shells.size(); ++i)
+    for (std::size_t i = 0; i < shells.size(); ++i) {
         text += formatted("shell %zu: voxels of %.4g world units, %zu active, ", i, shells[i].voxel_size,
-                          shells[i].active_voxels) +
-                boxText(shells[i].box) + "\n";
+                          shells[i].active_voxels);
+        for (std::size_t n = 0; n < shells[i].halved.size(); ++n)
+            text += formatted("%zu of 1/%d of it, ", shells[i].halved[n], 2 << n);
+        text += boxText(shells[i].box) + "\n";
+    }
     return text;
 }
 

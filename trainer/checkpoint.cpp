@@ -221,6 +221,8 @@ struct GridFields {
     Vec3i dims;
     Vec3d origin;
     Shells shells;
+    Vec3i regions = Vec3i::Zero();
+    std::vector<std::uint8_t> halvings;
     double voxel_size, density_scale;
     int channels, decoder_width;
     std::vector<Vec3i> leaves;
@@ -236,9 +238,17 @@ template <typename Visitor>
 void visitGrid(Visitor& visit, GridFields& grid) {
     visitVector(visit, grid.dims);
     visitVector(visit, grid.origin);
-    visit.value(grid.shells.count);
+    // Regions are told of only where there are some: what knows none is as it was before there were any.
+    constexpr int kWithRegions = 1 << 16;
+    int count = grid.shells.count + (grid.halvings.empty() ? 0 : kWithRegions);
+    visit.value(count);
+    grid.shells.count = count % kWithRegions;
     visitVector(visit, grid.shells.extent);
     visit.value(grid.shells.stride);
+    if (count >= kWithRegions) {
+        visitVector(visit, grid.regions);
+        visit.values(grid.halvings);
+    }
     visit.value(grid.voxel_size);
     visit.value(grid.density_scale);
     visit.value(grid.channels);
@@ -304,7 +314,8 @@ bool isSound(const GridFields& grid) {
     constexpr int kMaxDims = 1 << 20;
     const auto isPositive = [](double value) { return value > 0 && std::isfinite(value); };
     return (grid.dims.array() >= kLeafDim).all() && (grid.dims.array() <= kMaxDims).all() && grid.origin.allFinite() &&
-           (grid.shells.count == 1 || grid.shells.fits(grid.dims)) && isPositive(grid.voxel_size) &&
+           (grid.shells.count == 1 ? grid.halvings.empty() : grid.shells.fits(grid.dims)) &&
+           (grid.halvings.empty() || grid.shells.regions) && isPositive(grid.voxel_size) &&
            isPositive(grid.density_scale) && (grid.channels == 4 || grid.channels == 8 || grid.channels == 16) &&
            grid.decoder_width >= 1 && grid.decoder_width <= kMaxDecoderWidth && grid.leaves.size() == grid.cells.size();
 }
@@ -316,7 +327,9 @@ void writeSmall(Sink& sink, const TrainState& state, const TrainPlace& place) {
     Writer writer(sink);
     TrainPlace place_copy = place;
     visitPlace(writer, place_copy);
+    const Regions* const regions = state.field.shells().regions.get();
     GridFields grid{topology.dims(), state.field.frame().origin, state.field.shells(),
+                    regions ? regions->dims : Vec3i::Zero(), regions ? regions->halvings : std::vector<std::uint8_t>{},
                     state.field.frame().voxel_size, state.field.densityScale(), state.field.channels(),
                     state.decoder.width(), {topology.leafCoords().begin(), topology.leafCoords().end()},
                     {topology.cells().begin(), topology.cells().end()}};
@@ -415,6 +428,7 @@ void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainP
     visitPlace(reader, place);
     GridFields grid;
     visitGrid(reader, grid);
+    if (!grid.halvings.empty()) grid.shells.regions = makeRegions(grid.shells.count, grid.regions, grid.halvings);
     if (!isSound(place) || !isSound(grid)) reader.fail();
     std::vector<Topology::LeafCells> leaves;
     for (std::size_t leaf = 0; leaf < grid.leaves.size(); ++leaf)

@@ -121,7 +121,7 @@ std::vector<Topology::LeafCells> possibleCells(const Dataset& dataset, const Box
         const int i = static_cast<int>(n);
         cells[n].leaf = Vec3i(i / (leaves.y() * leaves.z()), i / leaves.z() % leaves.y(), i % leaves.z());
         cells[n].cells = {};
-        const int shell = grid.shells.shellOf(cells[n].leaf.x() * kLeafDim);
+        const int shell = grid.shells.layerAt(cells[n].leaf.x() * kLeafDim);
         const GridFrame frame = grid.shells.frame(grid.frame, shell);
         for (int offset = 0; offset < kLeafVoxels; ++offset) {
             const Vec3i cell = cells[n].leaf * kLeafDim + Vec3i(offset >> 6, offset >> 3 & 7, offset & 7);

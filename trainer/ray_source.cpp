@@ -32,7 +32,7 @@ void RaySource::update(const VoxelField& field, const Occupancy& occupancy) {
         const LeafMask& cells = occupancy.cells[leaf];
         if (std::all_of(cells.begin(), cells.end(), [](std::uint64_t word) { return word == 0; })) continue;
         const Vec3i first = field.topology().leafCoords()[leaf] * kLeafDim;
-        const GridFrame frame = shells.frame(field.frame(), shells.shellOf(first.x()));
+        const GridFrame frame = shells.frame(field.frame(), shells.layerAt(first.x()));
         spheres.push_back({frame.worldFromIndex(first.cast<double>() + Vec3d::Constant(0.5 * kLeafDim)),
                            0.5 * std::sqrt(3.0) * kLeafDim * frame.voxel_size});
     }

@@ -4,7 +4,6 @@
 // nothing saw are given up.
 #pragma once
 
-#include <cstdint>
 #include <vector>
 
 #include "trainer/dataset.h"
@@ -16,9 +15,6 @@ namespace nerfvdb {
 /// Pixels between rays that still meet every voxel of the inner box, wherever in it a camera stands: what a voxel spans at
 /// the far end of the box's diagonal, at least 1. Voxels of outer shells are as much larger as they are further away.
 int strideOfLooks(const Dataset& dataset, const VoxelField& field);
-
-/// Number of rays of one look through all photographs.
-std::uint64_t raysOfLooks(const Dataset& dataset, int stride);
 
 /// Sets, in `seen` [leaf], the bits of cells that give a ray at least `min_seen` of its light, of a ray through every
 /// stride-th pixel of every stride-th row that counts. The same for any number of threads.

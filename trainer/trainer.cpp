@@ -14,11 +14,13 @@
 #include "trainer/checkpoint_keeper.h"
 #include "trainer/dataset_hash.h"
 #include "trainer/faint_cells.h"
+#include "trainer/looks.h"
 #include "trainer/memory_plan.h"
 #include "trainer/model_cameras.h"
 #include "trainer/object_box.h"
 #include "trainer/plain_background.h"
 #include "trainer/possible_cells.h"
+#include "trainer/resolved_regions.h"
 #include "trainer/scene_box.h"
 #include "trainer/scene_shells.h"
 #include "trainer/seen_cells.h"
@@ -89,6 +91,7 @@ private:
     void settleExposure();
     void refine();
     void sharpen(float by);
+    void halveRegions();
     void lookAgain();
     void updateSource();
     void updateOccupancy();
@@ -447,8 +450,43 @@ void Training::lookAgain() {
     markSeenCells(dataset_, state_.field, state_.occupancy, std::max(state_.min_seen, trace_.min_weight), stride, state_.seen);
 }
 
+/// Voxels become half as large where photographs resolve more than those of the last level will hold.
+void Training::halveRegions() {
+    constexpr int kFirstLevel = 1;      // before, haze stands where nothing is, and regions are smaller than leaves
+    constexpr std::size_t kGrowth = 4;  // of leaves, when all cells will be divided: surfaces
+    const int level = place_.stages[place_.stage - 1].level;
+    if (state_.min_seen <= 0 || keepsUnseen() || options_.voxel_size || level < kFirstLevel) return;
+    Shells shells = state_.field.shells();
+    const Shells shells_before = shells;
+    // As if the plan went on to the finest voxels: one that does not has too few rays for small ones.
+    shells.regions = resolvedRegions(dataset_, state_.field, state_.occupancy, state_.min_seen,
+                                     std::ldexp(1.0, kMaxLevels - 1 - level));
+    if (!shells.regions) return;
+    const Topology before = state_.field.topology();
+    Topology halved = nerfvdb::halveRegions(before, shells_before, shells);
+    if (memoryPlan().refining(halved.leafCount(), kGrowth * halved.leafCount()) > memoryLimit()) return;
+
+    const Topology seen = nerfvdb::halveRegions(prune(before, state_.seen), shells_before, shells);
+    state_.field = halveField(std::move(state_.field), std::move(halved), shells);
+    const Topology& topology = state_.field.topology();
+    for (HugeArray<float>* const moment : {&state_.density_moment, &state_.feature_moment}) {
+        HugeArray<float> fine(state_.field.density().size());
+        halveValues(before, shells_before, topology, 1, moment->span(), fine.span());
+        *moment = std::move(fine);
+    }
+    state_.seen.assign(topology.leafCount(), {});
+    for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf)
+        if (const int n = seen.findLeaf(topology.leafCoords()[leaf]); n >= 0) state_.seen[leaf] = seen.cells()[n];
+    const auto& halvings = shells.regions->halvings;
+    report_.info("regions: photographs resolve more in " +
+                 std::to_string(std::count_if(halvings.begin(), halvings.end(), [](int n) { return n > 0; })) + " of " +
+                 std::to_string(halvings.size()) + ", whose voxels are halved");
+    updateOccupancy();
+}
+
 void Training::refine() {
     updateOccupancy();
+    halveRegions();
     std::vector<LeafMask> keep = state_.occupancy.cells;
     if (!keepsUnseen()) {
         if (isAskedFor(stage())) sharpen(kSharper);

@@ -14,6 +14,10 @@ namespace nerfvdb {
 /// The topology of half the voxel size in which every cell of `cells` (a subset per leaf) became eight.
 Topology subdivide(const Topology& coarse, std::span<const LeafMask> cells);
 
+/// Cells of regions that `to` halves once more than `from` became eight, each in the layer where they now belong; the others
+/// are as they were. `topology` is of `from`; the shells differ in nothing but their regions.
+Topology halveRegions(const Topology& topology, const Shells& from, const Shells& to);
+
 /// The topology that keeps `cells` (a subset per leaf) and nothing else.
 Topology prune(const Topology& topology, std::span<const LeafMask> cells);
 
@@ -29,12 +33,19 @@ void refineValues(const Topology& coarse, const Topology& fine, int channels, st
 void copyValues(const Topology& from, const Topology& to, int channels, std::span<const float> in,
                 std::span<float> out);
 
+/// Values of a pool after halveRegions: of voxels that were there, the same; of new ones, what lay there before.
+void halveValues(const Topology& from_topology, const Shells& from, const Topology& to_topology, int channels,
+                 std::span<const float> in, std::span<float> out);
+
 /// Both for a whole field.
 VoxelField refineField(const VoxelField& field, Topology fine);
 VoxelField copyField(const VoxelField& field, Topology to);
 
 /// The same with less memory: old values go as soon as new ones stand in their place.
 VoxelField refineField(VoxelField&& field, Topology fine);
+/// `halved` is what halveRegions made of the field's topology and `shells`. Sigma stays what it was: raw density of what is
+/// halved falls by ln 2, because half as much light is lost over half a voxel.
+VoxelField halveField(VoxelField&& field, Topology halved, const Shells& shells);
 /// `pruned` is what prune made of the field's topology. Values move within the field's own memory.
 VoxelField pruneField(VoxelField&& field, Topology pruned);
 

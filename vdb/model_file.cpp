@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Layout of model.vdb, version 3. Version 2 had one shell and no sky, and is read. (In version 1 a ray's features were
-// a sum, not a mean: it cannot be.)
+// Layout of model.vdb, version 4; what has no regions is written, and read, as version 3, which knew none. Version 2 had one
+// shell and no sky, and is read. (In version 1 a ray's features were a sum, not a mean: it cannot be.)
 //
-// One grid a shell, for everyone: "density" (shell 0), "density_1" and so on, float, fog volume, 1 / world unit, in
+// One grid a layer (shells.h), for everyone: "density" (shell 0), "density_1" and so on, what they halve once
+// "density_half", "density_1_half", twice "density_quarter", float, fog volume, 1 / world unit, in
 // voxels of twice the field's size, each the mean of eight (capped where a voxel is opaque). It is a preview: at full size it would be as large as all that was
 // learned, and nothing here reads it; the model's own densities are among the learned values.
 // Everything else is metadata of the file. Facts that people may want to read are plain numbers and strings:
-//   nerfvdb_format          int32    3
+//   nerfvdb_format          int32    4 or 3
 //   nerfvdb_dims            vec3i    voxels per axis
 //   nerfvdb_origin          vec3d    world position of voxel (0, 0, 0)
 //   nerfvdb_voxel_size      double   world units
@@ -20,6 +21,7 @@
 //   nerfvdb_schedule string; nerfvdb_seed int64; nerfvdb_train_psnr double
 // Learned values are bytes of the type "nerfvdb_bytes", little-endian:
 //   nerfvdb_cells           cells of the topology (field_codec.h)
+//   nerfvdb_regions         of each shell along each axis, int32 [3], and their halvings, uint8 [shell][x][y][z]; version 4
 //   nerfvdb_values          raw density and features of active voxels (field_codec.h)
 //   nerfvdb_decoder         float weights, in the order of Decoder::parameters()
 //   nerfvdb_sky             learned panorama (sky.h); absent where there is none
@@ -49,7 +51,7 @@
 namespace nerfvdb {
 namespace {
 
-constexpr std::int32_t kFormat = 3, kOldestFormat = 2;
+constexpr std::int32_t kFormat = 4, kFormatWithoutRegions = 3, kOldestFormat = 2;
 constexpr const char* kBytesType = "nerfvdb_bytes";
 // The name that tells a model from other files: of the facts that are no grid, the first (they stand in the order of
 // names), and so near the start of every model.
@@ -64,11 +66,11 @@ constexpr int kPreviewScale = 2;  // edge of a preview's voxel, field's voxels
 
 /// A leaf of the preview from the up to eight leaves of the field that it covers: mean sigma as it will be after
 /// loading, capped where opaque; active where any of the eight voxels is.
-void fillPreview(const VoxelField& field, int shell, int step_exponent, const Vec3i& coord,
+void fillPreview(const VoxelField& field, int layer, int step_exponent, const Vec3i& coord,
                  openvdb::FloatTree::LeafNodeType& preview) {
     constexpr float kShare = 1.0f / (kPreviewScale * kPreviewScale * kPreviewScale);
-    const double voxel_size = field.frame().voxel_size * Shells::scale(shell);
-    const double density_scale = field.densityScale() / Shells::scale(shell);
+    const double scale = field.shells().layerScale(layer);
+    const double voxel_size = field.frame().voxel_size * scale, density_scale = field.densityScale() / scale;
     for (int child = 0; child < 8; ++child) {
         const Vec3i octant(child >> 2, child >> 1 & 1, child & 1);
         const std::int32_t leaf = field.topology().findLeaf(coord * kPreviewScale + octant);
@@ -87,24 +89,26 @@ void fillPreview(const VoxelField& field, int shell, int step_exponent, const Ve
 }
 
 /// Density for other programs. Half precision where that suffices, else float.
-openvdb::FloatGrid::Ptr previewGrid(const VoxelField& field, int shell, int step_exponent) {
-    const GridFrame fine = field.shells().frame(field.frame(), shell);
+openvdb::FloatGrid::Ptr previewGrid(const VoxelField& field, int layer, int step_exponent) {
+    const GridFrame fine = field.shells().frame(field.frame(), layer);
     const GridFrame frame{fine.origin + Vec3d::Constant(0.5 * (kPreviewScale - 1) * fine.voxel_size),
                           fine.voxel_size * kPreviewScale};
     auto grid = openvdb::FloatGrid::create(0.0f);
     std::vector<std::pair<Vec3i, openvdb::FloatTree::LeafNodeType*>> leaves;
     for (const Vec3i& coord : field.topology().leafCoords()) {
-        if (field.shells().shellOf(coord.x() * kLeafDim) != shell) continue;
+        if (field.shells().layerAt(coord.x() * kLeafDim) != layer) continue;
         const Vec3i to = coord / kPreviewScale;
         if (!grid->tree().probeLeaf(leafOrigin(to))) leaves.push_back({to, grid->tree().touchLeaf(leafOrigin(to))});
     }
     std::vector<float> largest(leaves.size(), 0.0f);
     parallelFor(leaves.size(), [&](std::size_t i) {
-        fillPreview(field, shell, step_exponent, leaves[i].first, *leaves[i].second);
+        fillPreview(field, layer, step_exponent, leaves[i].first, *leaves[i].second);
         for (auto value = leaves[i].second->cbeginValueOn(); value; ++value) largest[i] = std::max(largest[i], *value);
     });
 
-    grid->setName(shell == 0 ? "density" : "density_" + std::to_string(shell));
+    const int shell = field.shells().shellOf(layer);
+    constexpr const char* kHalved[kMostHalvings + 1] = {"", "_half", "_quarter"};
+    grid->setName((shell == 0 ? "density" : "density_" + std::to_string(shell)) + kHalved[field.shells().halvingsOf(layer)]);
     grid->setGridClass(openvdb::GRID_FOG_VOLUME);
     grid->setTransform(gridTransform(frame));
     const float top = largest.empty() ? 0.0f : *std::max_element(largest.begin(), largest.end());
@@ -119,6 +123,13 @@ void insertBytes(openvdb::MetaMap& facts, const std::string& name, const std::st
     openvdb::UnknownMetadata metadata(kBytesType);
     metadata.setValue(openvdb::UnknownMetadata::ByteVec(bytes.begin(), bytes.end()));
     facts.insertMeta(name, metadata);
+}
+
+std::string encodeRegions(const Regions& regions) {
+    const std::int32_t dims[3] = {regions.dims.x(), regions.dims.y(), regions.dims.z()};
+    std::string bytes(reinterpret_cast<const char*>(dims), sizeof dims);
+    bytes.append(regions.halvings.begin(), regions.halvings.end());
+    return bytes;
 }
 
 bool allFinite(std::span<const float> values) {
@@ -254,6 +265,20 @@ Decoder loadDecoder(const Facts& facts, int channels) {
     return decoder;
 }
 
+std::shared_ptr<const Regions> loadRegions(const Facts& facts, int shells) {
+    const std::span<const std::uint8_t> bytes = facts.bytes("nerfvdb_regions");
+    std::int32_t dims[3] = {};
+    if (bytes.size() >= sizeof dims) std::memcpy(dims, bytes.data(), sizeof dims);
+    const std::span<const std::uint8_t> halvings = bytes.subspan(std::min(bytes.size(), sizeof dims));
+    std::shared_ptr<const Regions> regions =
+        makeRegions(shells, {dims[0], dims[1], dims[2]}, {halvings.begin(), halvings.end()});
+    if (!regions)
+        throw DataError(facts.where("nerfvdb_regions"), std::to_string(bytes.size()) + " bytes",
+                        "how often cells are halved in each region of each shell, at most " +
+                            std::to_string(kMostHalvings) + " times");
+    return regions;
+}
+
 Shells loadShells(const Facts& facts, const Vec3i& dims) {
     Shells shells{1, dims - Vec3i::Ones(), 0};
     if (facts.get<std::int32_t>("nerfvdb_format") < 3) return shells;
@@ -264,6 +289,7 @@ Shells loadShells(const Facts& facts, const Vec3i& dims) {
     const openvdb::Vec3i extent = facts.get<openvdb::Vec3i>("nerfvdb_shell_extent");
     shells.extent = Vec3i(extent.x(), extent.y(), extent.z());
     shells.stride = facts.get<std::int32_t>("nerfvdb_shell_stride");
+    if (facts.has("nerfvdb_regions")) shells.regions = loadRegions(facts, shells.count);
     if (!shells.fits(dims))
         throw DataError(facts.where("nerfvdb_shell_extent"), extent.str() + " every " + std::to_string(shells.stride),
                         "shells that fit into " + facts.get<openvdb::Vec3i>("nerfvdb_dims").str() + " voxels");
@@ -297,7 +323,8 @@ void saveModel(const Model& model, const std::filesystem::path& path) {
 
     openvdb::MetaMap facts;
     facts.insertMeta("creator", openvdb::StringMetadata("nerfvdb"));
-    facts.insertMeta("nerfvdb_format", openvdb::Int32Metadata(kFormat));
+    const Regions* const regions = field.shells().regions.get();
+    facts.insertMeta("nerfvdb_format", openvdb::Int32Metadata(regions ? kFormat : kFormatWithoutRegions));
     facts.insertMeta("nerfvdb_dims", openvdb::Vec3IMetadata(openvdb::Vec3i(field.topology().dims().data())));
     facts.insertMeta("nerfvdb_origin", openvdb::Vec3DMetadata(openvdb::Vec3d(frame.origin.data())));
     facts.insertMeta("nerfvdb_voxel_size", openvdb::DoubleMetadata(frame.voxel_size));
@@ -313,6 +340,7 @@ void saveModel(const Model& model, const std::filesystem::path& path) {
     facts.insertMeta("nerfvdb_schedule", openvdb::StringMetadata(model.info.schedule));
     facts.insertMeta("nerfvdb_seed", openvdb::Int64Metadata(static_cast<std::int64_t>(model.info.seed)));
     facts.insertMeta("nerfvdb_train_psnr", openvdb::DoubleMetadata(model.info.train_psnr));
+    if (regions) insertBytes(facts, "nerfvdb_regions", encodeRegions(*regions));
     insertBytes(facts, "nerfvdb_cells", encodeTopology(field.topology()));
     insertBytes(facts, "nerfvdb_values", encodeValues(field, steps));
     insertBytes(facts, "nerfvdb_decoder", {reinterpret_cast<const char*>(weights.data()), weights.size_bytes()});
@@ -320,8 +348,10 @@ void saveModel(const Model& model, const std::filesystem::path& path) {
     if (!model.cameras.empty()) insertBytes(facts, "nerfvdb_cameras", encodeCameras(model.cameras));
     openvdb::initialize();
     openvdb::GridCPtrVec previews;
-    for (int shell = 0; shell < field.shells().count; ++shell)
-        previews.push_back(previewGrid(field, shell, steps[0]));
+    for (int layer = 0; layer < field.shells().layerCount(); ++layer) {
+        previews.push_back(previewGrid(field, layer, steps[0]));
+        if (field.shells().halvingsOf(layer) > 0 && previews.back()->empty()) previews.pop_back();
+    }
     writeVdb(path, previews, facts);
 }
 

@@ -43,9 +43,10 @@ RenderedImage renderPicture(const TraceScene& scene, const TraceOptions& options
                             const ShadeTile& shade) {
     const std::string problem = cameraProblem(camera);
     if (!problem.empty()) throw DataError("camera: " + problem);
-    // Smaller steps would be more along a ray than a float can number (marchRays). A stretch through a shell is no longer
-    // than the diagonal of its box.
-    const double least_step = std::ldexp(scene.shells.extent.cast<double>().norm(), -24);
+    // Smaller steps would be more along a ray than a float can number (marchRays). A stretch through a layer is no longer
+    // than the diagonal of its shell's box.
+    const double least_step =
+        std::ldexp(scene.shells.extent.cast<double>().norm(), scene.shells.mostHalvings() - 24);
     if (!(options.step_voxels >= least_step) || !(options.step_voxels > 0) || !std::isfinite(options.step_voxels))
         throw UsageError("rendering: step", std::to_string(options.step_voxels) + " voxels",
                          "a positive number, at least " + std::to_string(least_step));

@@ -33,7 +33,7 @@ ReplayedRay replayRay(const Model& model, const Ray& ray, const TraceOptions& op
             for (std::size_t c = 0; c < channels; ++c)
                 sample.features[c] += weight * scene.bricks.features[value * channels + c];
         }
-        const double scale = Shells::scale(field.shells().shellOf(sample.cell.x()));
+        const double scale = field.shells().layerScale(field.shells().layerAt(sample.cell.x()));
         sample.sigma = sigmaFromRaw(sample.raw, field.densityScale() / scale);
         sample.tau = kept.tau[i], sample.weight = kept.weight[i], sample.transmittance = kept.transmittance[i];
         replayed.samples.push_back(std::move(sample));

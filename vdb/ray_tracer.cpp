@@ -103,9 +103,9 @@ void RayTracer::addRay(const TraceScene& scene, const Ray& ray, float step_voxel
     if (innermost <= outermost) {
         const double t_entry = inside[outermost].begin;
         entry_[r] = static_cast<float>(t_entry);
+        const Way way{origin, ray.direction, t_entry, jitter * step_voxels};
         const auto add = [&](int shell, double t_begin, double t_end) {
-            if (t_end > t_begin)
-                addStretch(scene, shell, origin, ray.direction, t_begin, t_end, t_entry, jitter * step_voxels);
+            if (t_end > t_begin) addStretches(scene, shell, way, t_begin, t_end);
         };
         for (int shell = outermost; shell > innermost; --shell) add(shell, inside[shell].begin, inside[shell - 1].begin);
         add(innermost, inside[innermost].begin, inside[innermost].end);
@@ -116,8 +116,52 @@ void RayTracer::addRay(const TraceScene& scene, const Ray& ray, float step_voxel
         counters_.samples_dense += static_cast<std::uint64_t>(length_[s] / step_voxels);
 }
 
-void RayTracer::addStretch(const TraceScene& scene, int shell, const Vec3d& origin, const Vec3d& direction,
-                           double t_begin, double t_end, double t_entry, float offset) {
+void RayTracer::addStretches(const TraceScene& scene, int shell, const Way& way, double t_begin, double t_end) {
+    const Shells& shells = scene.shells;
+    const Regions* const regions = shells.regions.get();
+    if (!regions || (regions->halved[shell].end.array() == 0).any())
+        return addStretch(scene, shells.layerOf(shell, 0), way, t_begin, t_end);
+    const Regions::Range& range = regions->halved[shell];
+    const Vec3d width = shells.extent.cast<double>().cwiseQuotient(regions->dims.cast<double>());  // of a region, cells
+    const Vec3d origin = (shells.fromInner(shell, way.origin) - shells.corner(shell).cast<double>()).cwiseQuotient(width);
+    const Vec3d direction = way.direction.cwiseQuotient(width) / Shells::scale(shell);  // regions a voxel of shell 0
+    const Interval halved = insideBox(range.first.cast<double>(), range.end.cast<double>(), origin, direction);
+    const double t_first = std::max(t_begin, halved.begin), t_last = std::min(t_end, halved.end);
+    if (halved.isEmpty() || !(t_last > t_first))
+        return addStretch(scene, shells.layerOf(shell, 0), way, t_begin, t_end);
+
+    // From region to region (Amanatides and Woo 1987, "A fast voxel traversal algorithm for ray tracing"); what lies before
+    // and behind those that are halved, and regions one after the other that are halved as often, make one stretch.
+    Vec3i region;
+    Vec3d t_next, t_width;  // where the ray leaves the region along each axis, and from one to the next
+    for (int axis = 0; axis < 3; ++axis) {
+        const double at = origin[axis] + t_first * direction[axis];
+        region[axis] = std::clamp(static_cast<int>(std::floor(at)), range.first[axis], range.end[axis] - 1);
+        const double face = region[axis] + (direction[axis] > 0 ? 1 : 0);
+        t_width[axis] = direction[axis] != 0 ? std::abs(1 / direction[axis]) : std::numeric_limits<double>::infinity();
+        t_next[axis] = direction[axis] != 0 ? (face - origin[axis]) / direction[axis] : t_width[axis];
+    }
+    double t_stretch = t_begin;
+    int halvings = 0;
+    const auto goOn = [&](int next_halvings, double t) {
+        if (next_halvings == halvings) return;
+        if (t > t_stretch) addStretch(scene, shells.layerOf(shell, halvings), way, t_stretch, t);
+        t_stretch = std::max(t, t_stretch);
+        halvings = next_halvings;
+    };
+    for (double t = t_first; t < t_last;) {
+        goOn(regions->at(shell, region), t);
+        int axis;
+        t = t_next.minCoeff(&axis);
+        t_next[axis] += t_width[axis];
+        region[axis] += direction[axis] > 0 ? 1 : -1;
+        if (region[axis] < range.first[axis] || region[axis] >= range.end[axis]) break;
+    }
+    goOn(0, t_last);
+    if (t_end > t_stretch) addStretch(scene, shells.layerOf(shell, halvings), way, t_stretch, t_end);
+}
+
+void RayTracer::addStretch(const TraceScene& scene, int layer, const Way& way, double t_begin, double t_end) {
     const auto s = static_cast<std::size_t>(n_stretches_++);
     if (ox_.size() < s + 1 + kPadding) {
         const std::size_t size = (s + 1 + kPadding) * 3 / 2;
@@ -125,15 +169,15 @@ void RayTracer::addStretch(const TraceScene& scene, int shell, const Vec3d& orig
             array->resize(size);
         for (auto* array : {&next_, &ray_}) array->resize(size);
     }
-    const double scale = Shells::scale(shell);
-    const Vec3d entry = scene.shells.fromInner(shell, origin + direction * t_begin);
-    ox_[s] = static_cast<float>(entry.x()), dx_[s] = static_cast<float>(direction.x());
-    oy_[s] = static_cast<float>(entry.y()), dy_[s] = static_cast<float>(direction.y());
-    oz_[s] = static_cast<float>(entry.z()), dz_[s] = static_cast<float>(direction.z());
+    const double scale = scene.shells.layerScale(layer);
+    const Vec3d entry = scene.shells.fromInner(layer, way.origin + way.direction * t_begin);
+    ox_[s] = static_cast<float>(entry.x()), dx_[s] = static_cast<float>(way.direction.x());
+    oy_[s] = static_cast<float>(entry.y()), dy_[s] = static_cast<float>(way.direction.y());
+    oz_[s] = static_cast<float>(entry.z()), dz_[s] = static_cast<float>(way.direction.z());
     length_[s] = static_cast<float>((t_end - t_begin) / scale);
-    offset_[s] = offset;
+    offset_[s] = way.offset;
     scale_[s] = static_cast<float>(scale);
-    t_begin_[s] = static_cast<float>(t_begin - t_entry);
+    t_begin_[s] = static_cast<float>(t_begin - way.t_entry);
     ray_[s] = n_rays_ - 1;
 }
 

@@ -83,7 +83,8 @@ public:
 
     /// Starts a new tile.
     void clear() { n_rays_ = 0; }
-    /// Adds a ray (world space); its first sample lies `jitter` steps (0..1) behind the entry into each shell.
+    /// Adds a ray (world space); its first sample lies `jitter` steps (0..1) behind the entry into each shell, and each
+    /// stretch of a layer.
     void addRay(const TraceScene& scene, const Ray& ray, float step_voxels, float jitter);
     int rayCount() const { return n_rays_; }
 
@@ -116,14 +117,20 @@ private:
     void addFeatureSlopes(int channels, float* dl_dray_features, const KeptSamples& kept);
     void addDistortionSlopes(const TraceScene& scene, float dl_ddistortion, const KeptSamples& kept);
 
-    void addStretch(const TraceScene& scene, int shell, const Vec3d& origin, const Vec3d& direction, double t_begin,
-                    double t_end, double t_entry, float offset);
+    /// The way of a ray through space that one layer, or one shell, owns; distances along the ray, voxels of shell 0.
+    struct Way {
+        Vec3d origin, direction;  // of the ray, index coordinates of shell 0
+        double t_entry;           // into the scene
+        float offset;             // of the first sample
+    };
+    void addStretch(const TraceScene& scene, int layer, const Way& way, double t_begin, double t_end);
+    void addStretches(const TraceScene& scene, int shell, const Way& way, double t_begin, double t_end);
 
     int n_rays_ = 0;
-    // A ray goes in stretches, each straight through one shell in that shell's index space; [stretch] ...
+    // A ray goes in stretches, each straight through one layer in that layer's index space; [stretch] ...
     int n_stretches_ = 0;
     std::vector<float> ox_, oy_, oz_, dx_, dy_, dz_, length_, offset_;
-    std::vector<float> scale_, t_begin_;              // distance on the ray = t_begin + scale * distance in the shell
+    std::vector<float> scale_, t_begin_;              // distance on the ray = t_begin + scale * distance in the layer
     std::vector<std::int32_t> next_, ray_;
     std::vector<std::int32_t> first_stretch_;         // ... [ray + 1]
     std::vector<float> entry_, directions_;

@@ -28,7 +28,8 @@ inline float sigmaFromRaw(float raw, double density_scale) {
 }
 
 /// Values at voxel corners, trilinear between them (raw density is interpolated before its activation).
-/// Raw density means the same light lost over a voxel in every shell: shell k has density_scale / 2^k.
+/// Raw density means the same light lost over a voxel in every layer: one whose voxels are n times those of shell 0 has
+/// density_scale / n.
 /// Voxels that are no corner of a cell that exists hold kEmptyRaw and zeros, and are never read.
 class VoxelField {
 public:
@@ -72,7 +73,7 @@ public:
     /// Box of one shell (with what it leaves out) in world units.
     Box shellBox(int shell) const {
         const GridFrame frame = shells_.frame(frame_, shell);
-        const Vec3d corner = shells_.corner(shell);
+        const Vec3d corner = shells_.corner(shell).cast<double>();
         return {frame.worldFromIndex(corner), frame.worldFromIndex(corner + shells_.extent.cast<double>())};
     }
     /// Box of all voxels in world units.

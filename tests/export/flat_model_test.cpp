@@ -83,6 +83,63 @@ TEST_CASE("a flat model has the field's values at every voxel of the box, and no
     }
 }
 
+TEST_CASE("what a shell halves leaves in its own voxels, as the mean of their sigma") {
+    Model model;
+    const Vec3i extent(32, 16, 48);
+    const auto logSigma = [](const Vec3d& p) { return 0.3 * p.x() - 0.2 * p.y() + 0.1 * p.z() - 1; };
+    model.field = test::nestedField(extent, 2, 4);
+    const Vec3i dims(4, 2, 6);
+    std::vector<std::uint8_t> halvings(static_cast<std::size_t>(2 * dims.prod()));
+    for (std::size_t i = 0; i < halvings.size(); ++i) halvings[i] = static_cast<std::uint8_t>(i * 5 / 3 % (kMostHalvings + 1));
+    model.field = test::halvedField(std::move(model.field), dims, halvings);
+    test::setNested(model.field, logSigma);
+    model.decoder = Decoder(4, 3);
+    const auto check = [&](const Model& flat, double own_voxel) {
+        const VoxelField& field = flat.field;
+        REQUIRE(field.shells().count == 1);
+        CHECK(field.frame().voxel_size == Approx(own_voxel));
+        double worst = 0, worst_feature = 0;
+        test::forEachVoxel(field.topology(), [&](const Vec3i& ijk, std::size_t i) {
+            const Vec3d p = field.frame().worldFromIndex(ijk.cast<double>());
+            worst = std::max(worst, std::abs(field.density()[i] + std::log(field.densityScale() / 10) - logSigma(p)));
+            for (int c = 0; c < 4; ++c)
+                worst_feature = std::max(worst_feature, std::abs(field.features()[i * 4 + c] - std::sin(0.9 * p[c % 3] + c)));
+        });
+        // A cube that a layer owns only in part has its middle up to half a voxel (of 0.1) elsewhere.
+        CHECK(worst < 0.3 * 0.05 + 0.2 * 0.05 + 0.1 * 0.05);
+        CHECK(worst_feature < 0.9 * 0.05 + 0.0042);
+    };
+    const Model inner = flatModel(model, 1), both = flatModel(model, 2);
+    CHECK(inner.field.topology().cellCount() == static_cast<std::size_t>(extent.prod()));
+    CHECK(both.field.topology().cellCount() == static_cast<std::size_t>(8 * extent.prod()));
+    CHECK(flatSize(model.field, 1).cells >= extent.prod());
+    check(inner, 0.05);
+    check(both, 0.05);
+    const Model outer = shellModel(model, 1);
+    CHECK(outer.field.topology().cellCount() == static_cast<std::size_t>(extent.prod() - extent.prod() / 8));
+    check(outer, 0.1);
+}
+
+TEST_CASE("an opaque sheet in halved cells stays opaque, and about as thick, in voxels twice as large") {
+    Model model;
+    model.field = test::halvedField(test::nestedField(Vec3i::Constant(16), 2, 4), Vec3i::Constant(2),
+                                    std::vector<std::uint8_t>(16, 1));
+    const Vec3d centre = model.field.shellBox(0).center();
+    test::forEachNested(model.field, [&](int, const Vec3d& p, std::size_t i) {
+        model.field.density()[i] = std::abs(p.z() - centre.z() - 0.025) < 0.01 ? kMaxRaw : kEmptyRaw;  // one voxel
+    });
+    model.decoder = Decoder(4, 3);
+    const Model flat = flatModel(model, 1);
+    const Camera camera = lookAt(centre + Vec3d(0, 0, 3), centre, Vec3d::UnitY(), 0.1, 8, 8);
+    CHECK(opacityOf(flat, camera) > 0.99);
+    double most = -100;
+    test::forEachVoxel(flat.field.topology(), [&](const Vec3i& ijk, std::size_t i) {
+        const double z = flat.field.frame().worldFromIndex(ijk.cast<double>()).z() - centre.z();
+        if (std::abs(z - 0.025) > 0.051) most = std::max<double>(most, flat.field.density()[i]);
+    });
+    CHECK(most < -5);  // nothing where the sheet is not
+}
+
 TEST_CASE("where shells meet, a flat model has the finer one's values") {
     Model model = slopingModel();
     test::forEachNested(model.field, [&](int shell, const Vec3d&, std::size_t i) {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "tests/support/grid_field.h"
+#include "vdb/adapt.h"
 #include "vdb/voxel_field.h"
 
 namespace nerfvdb::test {
@@ -28,7 +29,7 @@ template <typename Keeps>
 Topology nestedTopology(const Shells& shells, const Keeps& keeps) {
     const Vec3i dims = nestedDims(shells);
     return makeTopology(dims, Vec3i::Zero(), dims - Vec3i::Ones(), [&](const Vec3i& cell) {
-        const int shell = shells.shellOf(cell.x());
+        const int shell = shells.layerAt(cell.x());
         const Vec3i local = cell - Vec3i(shell * shells.stride, 0, 0);
         return (local.array() < shells.extent.array()).all() && !isInHole(shells, shell, local) && keeps(shell, local);
     });
@@ -44,12 +45,12 @@ inline VoxelField nestedField(const Vec3i& extent, int count, int channels) {
     return {nestedTopology(shells), {Vec3d(-1.1, 0.7, 2.3), 0.05}, shells, channels, 10.0};
 }
 
-/// Calls visit(shell, place in the world, index) for every active voxel; index is its place in field.density().
+/// Calls visit(layer (the shell, where nothing is halved), place in the world, index) for every active voxel; index is its place in field.density().
 template <typename Visit>
 void forEachNested(const VoxelField& field, const Visit& visit) {
     forEachVoxel(field.topology(), [&](const Vec3i& ijk, std::size_t index) {
-        const int shell = field.shells().shellOf(ijk.x());
-        visit(shell, field.shells().frame(field.frame(), shell).worldFromIndex(ijk.cast<double>()), index);
+        const int layer = field.shells().layerAt(ijk.x());
+        visit(layer, field.shells().frame(field.frame(), layer).worldFromIndex(ijk.cast<double>()), index);
     });
 }
 
@@ -57,12 +58,25 @@ void forEachNested(const VoxelField& field, const Visit& visit) {
 /// axis c % 3.
 template <typename LogSigma>
 void setNested(VoxelField& field, const LogSigma& log_sigma) {
-    forEachNested(field, [&](int shell, const Vec3d& world, std::size_t i) {
-        field.density()[i] = static_cast<float>(log_sigma(world) + shell * std::log(2.0));
+    forEachNested(field, [&](int layer, const Vec3d& world, std::size_t i) {
+        field.density()[i] = static_cast<float>(log_sigma(world) + std::log(field.shells().layerScale(layer)));
         for (int c = 0; c < field.channels(); ++c)
             field.features()[i * static_cast<std::size_t>(field.channels()) + c] =
                 static_cast<float>(std::sin(0.9 * world[c % 3] + c));
     });
+}
+
+/// The field with cells halved as often as [shell][x][y][z] says of each of `dims` regions a shell.
+inline VoxelField halvedField(VoxelField field, const Vec3i& dims, const std::vector<std::uint8_t>& halvings) {
+    for (int most = 1; most <= kMostHalvings; ++most) {
+        Shells shells = field.shells();
+        std::vector<std::uint8_t> so_far = halvings;
+        for (std::uint8_t& n : so_far) n = std::min<std::uint8_t>(n, static_cast<std::uint8_t>(most));
+        shells.regions = makeRegions(shells.count, dims, so_far);
+        Topology topology = halveRegions(field.topology(), field.shells(), shells);
+        field = halveField(std::move(field), std::move(topology), shells);
+    }
+    return field;
 }
 
 }  // namespace nerfvdb::test

@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "tests/support/catch.h"
+#include "tests/support/nested_field.h"
 #include "tests/support/small_disk.h"
 #include "tests/support/sphere_dataset.h"
 #include "tests/support/temp_dir.h"
@@ -167,6 +168,37 @@ TEST_CASE("a checkpoint of an open scene keeps its shells and its sky, and goes 
     const ThreadLimit other_threads(1);
     const TrainResult resumed = train(opaque, options, silent, {}, dir / "a.ckpt", true);
     CHECK(modelBytes(resumed, dir) == modelBytes(straight, dir));
+}
+
+TEST_CASE("a checkpoint keeps the regions whose cells are halved") {
+    const TempDir dir;
+    auto [state, place] = [&] {
+        TrainOptions options = shortRun();
+        options.extent = SceneExtent::open;
+        Dataset opaque = sphere();
+        opaque.has_alpha = false;
+        StopAfter report(5);
+        REQUIRE(train(opaque, options, report, {}, dir / "a.ckpt").interrupted);
+        return load(dir / "a.ckpt");
+    }();
+    state.field = test::nestedField(Vec3i(32, 16, 48), 3, state.field.channels());
+    const Vec3i dims(4, 2, 3);
+    std::vector<std::uint8_t> halvings(static_cast<std::size_t>(3 * dims.prod()), 0);
+    halvings[4] = 2, halvings[30] = 1;
+    state.field = test::halvedField(std::move(state.field), dims, halvings);
+    const std::size_t leaves = state.field.topology().leafCount();
+    state.density_moment = HugeArray<float>(state.field.density().size());
+    state.feature_moment = HugeArray<float>(state.field.density().size());
+    state.seen.assign(leaves, {});
+    state.occupancy = findOccupied(state.field, 0);
+    saveCheckpoint(dir / "b.ckpt", state, place);
+    const auto [again, place_again] = load(dir / "b.ckpt");
+    REQUIRE(again.field.shells().regions);
+    CHECK(again.field.shells().regions->dims == dims);
+    CHECK(again.field.shells().regions->halvings == halvings);
+    CHECK(again.field.topology().cellCount() == state.field.topology().cellCount());
+    saveCheckpoint(dir / "c.ckpt", again, place_again);
+    CHECK(readFile(dir / "b.ckpt") == readFile(dir / "c.ckpt"));
 }
 
 TEST_CASE("a preset decides how much a voxel and the network hold, and a checkpoint keeps it") {

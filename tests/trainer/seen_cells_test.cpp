@@ -6,6 +6,7 @@
 #include "core/parallel.h"
 #include "tests/support/catch.h"
 #include "tests/support/nested_field.h"
+#include "trainer/looks.h"
 #include "vdb/ray_replay.h"
 
 using namespace nerfvdb;

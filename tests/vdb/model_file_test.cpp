@@ -55,6 +55,20 @@ openvdb::FloatGrid::Ptr foreignGrid() {
     return grid;
 }
 
+/// A few cells in two shells, some of them halved once and twice.
+Model smallHalvedModel() {
+    Model model;
+    const Shells shells = test::nestedShells(Vec3i(16, 8, 24), 2);
+    const Topology cells = test::nestedTopology(shells, [](int, const Vec3i& cell) { return cell.sum() % 40 == 0; });
+    model.field = VoxelField(cells, {Vec3d(1, 2, 3), 0.1}, shells, 4, 10.0);
+    std::vector<std::uint8_t> halvings(2 * 2 * 1 * 3, 0);
+    halvings[1] = 1, halvings[4] = 2, halvings[9] = 1;
+    model.field = test::halvedField(std::move(model.field), {2, 1, 3}, halvings);
+    test::setNested(model.field, [](const Vec3d&) { return 0.5; });
+    model.decoder = Decoder(4, 2, 8);
+    return model;
+}
+
 }  // namespace
 
 using Catch::Matchers::Contains;
@@ -129,6 +143,45 @@ TEST_CASE("the cameras of a model travel with it; an older file has none") {
     model.cameras[1].name = "/home/someone/train/r_1.png";
     CHECK_THROWS_AS(saveModel(model, folder / "a.vdb"), UsageError);
     CHECK(loadModel(folder / "a.vdb").cameras.size() == 3);
+}
+
+TEST_CASE("halved regions travel with a model, and other programs see a grid for what is halved") {
+    const TempDir folder;
+    Model model;
+    std::vector<std::uint8_t> halvings(2 * 2 * 2 * 3, 0);
+    halvings[3] = 1, halvings[7] = 2, halvings[14] = 1;
+    model.field = test::halvedField(test::nestedField(Vec3i(32, 16, 24), 2, 4), {2, 2, 3}, halvings);
+    test::setNested(model.field, [](const Vec3d& p) { return 0.5 * p.x() - p.y(); });
+    model.decoder = Decoder(4, 2);
+    saveModel(model, folder / "a.vdb");
+    const Model loaded = loadModel(folder / "a.vdb");
+    saveModel(loaded, folder / "b.vdb");
+    const bool same_bytes = readFile(folder / "a.vdb") == readFile(folder / "b.vdb");
+    CHECK(same_bytes);
+    REQUIRE(loaded.field.shells().regions);
+    CHECK(loaded.field.shells().regions->dims == Vec3i(2, 2, 3));
+    CHECK(loaded.field.shells().regions->halvings == halvings);
+    CHECK(sameMasks(model.field.topology().cells(), loaded.field.topology().cells()));
+
+    openvdb::initialize();
+    openvdb::io::File file((folder / "a.vdb").string());
+    file.open(false);
+    std::vector<std::string> names;
+    for (auto name = file.beginName(); name != file.endName(); ++name) names.push_back(name.gridName());
+    std::sort(names.begin(), names.end());
+    CHECK(names == std::vector<std::string>{"density", "density_1", "density_1_half", "density_half", "density_quarter"});
+    for (const auto& [name, size] : {std::pair("density", 0.1), std::pair("density_half", 0.05),
+                                     std::pair("density_quarter", 0.025), std::pair("density_1_half", 0.1)}) {
+        const auto grid = openvdb::gridPtrCast<openvdb::FloatGrid>(file.readGrid(name));
+        CHECK(grid->voxelSize().x() == Approx(size));
+        CHECK(grid->activeVoxelCount() > 100);
+        std::size_t n_close = 0;
+        for (auto value = grid->cbeginValueOn(); value; ++value) {
+            const openvdb::Vec3d p = grid->indexToWorld(value.getCoord());
+            n_close += std::abs(*value / (10 * std::exp(0.5 * p.x() - p.y())) - 1) < 0.08;
+        }
+        CHECK(static_cast<double>(n_close) > 0.6 * static_cast<double>(grid->activeVoxelCount()));  // borders miss some of eight
+    }
 }
 
 TEST_CASE("shells and a sky travel with a model, and other programs see a grid for each shell") {
@@ -216,6 +269,18 @@ TEST_CASE("a model of format 3 loads, and saves to the same bytes") {
     REQUIRE(loaded.cameras.size() == 1);
     CHECK(loaded.cameras[0].name == "a.png");
     CHECK(sameMasks(shellModel(8, 4).field.topology().cells(), loaded.field.topology().cells()));
+    const TempDir folder;
+    saveModel(loaded, folder / "again.vdb");
+    CHECK(readFile(folder / "again.vdb") == readFile(path));
+}
+
+TEST_CASE("a model of format 4 loads, and saves to the same bytes") {
+    const fs::path path = NERFVDB_SOURCE_DIR "/tests/data/format_4.vdb";
+    const Model expected = smallHalvedModel();  // what it was made of
+    const Model loaded = loadModel(path);
+    REQUIRE(loaded.field.shells().regions);
+    CHECK(loaded.field.shells().regions->halvings == expected.field.shells().regions->halvings);
+    CHECK(sameMasks(expected.field.topology().cells(), loaded.field.topology().cells()));
     const TempDir folder;
     saveModel(loaded, folder / "again.vdb");
     CHECK(readFile(folder / "again.vdb") == readFile(path));
@@ -464,7 +529,7 @@ TEST_CASE("what is not a model is told apart") {
         writeVdb(folder / "other.vdb", {foreignGrid()}, facts);
         return messageOf(folder / "other.vdb");
     };
-    CHECK_THAT(messageWith("nerfvdb_format", 4), Contains("nerfvdb_format") && Contains("newer"));
+    CHECK_THAT(messageWith("nerfvdb_format", 5), Contains("nerfvdb_format") && Contains("newer"));
     CHECK_THAT(messageWith("nerfvdb_format", 1), Contains("nerfvdb_format") && Contains("older"));
     for (const int width : {-1, 0, 1025}) CHECK_THAT(messageWith("nerfvdb_decoder_width", width), Contains("1 to 1024"));
     CHECK_THAT(messageWith("nerfvdb_channels", 5), Contains("nerfvdb_channels") && Contains("4, 8 or 16"));
@@ -493,6 +558,19 @@ TEST_CASE("sealed models with parts that do not fit are refused") {
     const openvdb::Vec3IMetadata small(openvdb::Vec3i(16)), crooked(openvdb::Vec3i(25));
     CHECK_THAT(refusal("nerfvdb_dims", &small), Contains("nerfvdb_cells"));
     CHECK_THAT(refusal("nerfvdb_dims", &crooked), Contains("nerfvdb_cells"));
+
+    openvdb::UnknownMetadata regions("nerfvdb_bytes");
+    for (const auto& bytes : {openvdb::UnknownMetadata::ByteVec{}, openvdb::UnknownMetadata::ByteVec(12, 0),
+                              openvdb::UnknownMetadata::ByteVec(12 + 8, 1)}) {
+        regions.setValue(bytes);
+        openvdb::MetaMap map(*good);
+        map.insertMeta("nerfvdb_regions", regions);
+        map.insertMeta("nerfvdb_shells", openvdb::Int32Metadata(2));
+        map.insertMeta("nerfvdb_shell_extent", openvdb::Vec3IMetadata(openvdb::Vec3i(8)));
+        map.insertMeta("nerfvdb_shell_stride", openvdb::Int32Metadata(16));
+        writeVdb(folder / "bad.vdb", {foreignGrid()}, map);
+        CHECK_THAT(messageOf(folder / "bad.vdb"), Contains("nerfvdb_regions") && Contains("halved"));
+    }
 
     const openvdb::StringMetadata words("cameras");
     CHECK_THAT(refusal("nerfvdb_cameras", &words), Contains("nerfvdb_cameras"));

@@ -26,11 +26,11 @@ TEST_CASE("world and index coordinates lead to each other in every shell") {
         const GridFrame frame = shells.frame(field.frame(), shell);
         CHECK(frame.voxel_size == field.frame().voxel_size * (1 << shell));
         for (const Vec3d& local : {Vec3d(0, 0, 0), Vec3d(3.25, 7.5, 20), Vec3d(16, 8, 24)}) {
-            const Vec3d index = shells.corner(shell) + local, world = frame.worldFromIndex(index);
+            const Vec3d index = shells.corner(shell).cast<double>() + local, world = frame.worldFromIndex(index);
             CHECK((frame.indexFromWorld(world) - index).norm() < 1e-12);
             // The same by way of the inner shell's coordinates.
             CHECK((shells.fromInner(shell, field.frame().indexFromWorld(world)) - index).norm() < 1e-12);
-            CHECK(shells.shellOf(static_cast<int>(index.x())) == shell);
+            CHECK(shells.layerAt(static_cast<int>(index.x())) == shell);
         }
     }
     CHECK((shells.fromInner(0, Vec3d(1, 2, 3)) - Vec3d(1, 2, 3)).norm() == 0);
@@ -60,7 +60,7 @@ TEST_CASE("own cells of shells cover every point of the outer box once") {
         for (int shell = 0; shell < 3; ++shell) {
             const Vec3d index = shells.frame(field.frame(), shell).indexFromWorld(p);
             const Vec3i cell = index.array().floor().cast<int>();
-            const Vec3d local = index - shells.corner(shell);
+            const Vec3d local = index - shells.corner(shell).cast<double>();
             if ((local.array() < 0).any() || (local.array() >= kExtent.cast<double>().array()).any()) continue;
             const int leaf = field.topology().findLeaf(test::floorLeaf(cell));
             const bool owns = leaf >= 0 && testBit(field.topology().cells()[leaf],
