@@ -25,7 +25,7 @@ struct ShellFacts {
     double voxel_size = 0;  // world units
     Box box;
     std::size_t active_voxels = 0, cells = 0;
-    std::vector<std::size_t> halved;  // of the active voxels, those that are half as large, a quarter, ...
+    std::vector<std::size_t> halved;  // of the active voxels, those half as wide, a quarter as wide, ...
 };
 
 std::vector<ShellFacts> shellFacts(const VoxelField& field) {
@@ -68,7 +68,7 @@ std::string shellsText(const std::vector<ShellFacts>& shells) {
         text += formatted("shell %zu: voxels of %.4g world units, %zu active, ", i, shells[i].voxel_size,
                           shells[i].active_voxels);
         for (std::size_t n = 0; n < shells[i].halved.size(); ++n)
-            text += formatted("%zu of 1/%d of it, ", shells[i].halved[n], 2 << n);
+            if (shells[i].halved[n] > 0) text += formatted("%zu of them 1/%d as wide, ", shells[i].halved[n], 2 << n);
         text += boxText(shells[i].box) + "\n";
     }
     return text;
@@ -81,7 +81,13 @@ void describeModel(const InfoWords& words) {
     const std::vector<ShellFacts> shells = shellFacts(field);
     const Vec3i dims = shells.size() > 1 ? field.shells().extent : topology.dims();  // of each shell
     const double in_box = dims.cast<double>().prod() * static_cast<double>(shells.size());
-    const double share = in_box > 0 ? static_cast<double>(topology.voxelCount()) / in_box : 0;
+    double voxels = 0;  // as large as their shells'
+    for (const ShellFacts& shell : shells) {
+        voxels += static_cast<double>(shell.active_voxels);
+        for (std::size_t n = 0; n < shell.halved.size(); ++n)
+            voxels -= static_cast<double>(shell.halved[n]) * (1 - std::ldexp(1.0, -3 * static_cast<int>(n + 1)));
+    }
+    const double share = in_box > 0 ? voxels / in_box : 0;
     const auto file_bytes = std::filesystem::file_size(words.path);
     Json grids = Json::array();
     std::string grids_text;

@@ -214,7 +214,7 @@ private:
             for (std::size_t c = 0; c < channels; ++c)
                 value.features[c] += static_cast<float>(sigma) * field_.features()[from * channels + c];
         }
-        if (!is_any || !(sum > 0)) return false;
+        if (!is_any || !(static_cast<float>(sum) > 0)) return false;
         for (std::size_t c = 0; c < channels; ++c) value.features[c] /= static_cast<float>(sum);
         const double doublings = doublingsOf(layer);
         *value.raw = static_cast<float>(std::max<double>(std::log(sum / volume) - doublings * std::numbers::ln2, kEmptyRaw));

@@ -213,7 +213,10 @@ void visitPlace(Visitor& visit, TrainPlace& place) {
     visit.value(place.seed);
     visit.value(place.n_views);
     visit.values(place.data_hash);
-    visit.value(place.tries_exposure);
+    auto flags = static_cast<std::uint8_t>((place.tries_exposure ? 1 : 0) + (place.has_asked_voxels ? 2 : 0));
+    visit.value(flags);
+    place.tries_exposure = flags & 1;
+    place.has_asked_voxels = flags & 2;
 }
 
 /// The grid and everything small that belongs to the state.

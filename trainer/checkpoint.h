@@ -28,6 +28,7 @@ struct TrainPlace {
     int n_views = 0;                   // of the data set ...
     std::string data_hash;             // ... and its datasetHash, to refuse another one
     bool tries_exposure = false;       // exposures are learned until the first stage shows whether they differ
+    bool has_asked_voxels = false;     // someone said how large voxels end
 };
 
 /// A checkpoint's bytes but for its head, copied from the state in parallel.

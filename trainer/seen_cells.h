@@ -13,7 +13,8 @@
 namespace nerfvdb {
 
 /// Pixels between rays that still meet every voxel of the inner box, wherever in it a camera stands: what a voxel spans at
-/// the far end of the box's diagonal, at least 1. Voxels of outer shells are as much larger as they are further away.
+/// the far end of the box's diagonal, at least 1. Voxels of outer shells are as much larger as they are further away;
+/// those that are halved (resolvedRegions) are wider than a pixel of what stands so near.
 int strideOfLooks(const Dataset& dataset, const VoxelField& field);
 
 /// Sets, in `seen` [leaf], the bits of cells that give a ray at least `min_seen` of its light, of a ray through every

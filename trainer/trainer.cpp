@@ -173,6 +173,7 @@ void Training::start() {
     place_.data_hash = datasetHash(dataset_);
     place_.next_occupancy = kFirstOccupancy;
     chooseBackground();
+    place_.has_asked_voxels = options_.voxel_size.has_value();
     place_.tries_exposure = options_.exposure == ExposureMode::automatic && !dataset_.has_alpha;
     if (place_.tries_exposure || options_.exposure == ExposureMode::on)
         state_.exposures = Exposures(dataset_.views.size(), /*with_background=*/!dataset_.has_alpha);
@@ -453,9 +454,9 @@ void Training::lookAgain() {
 /// Voxels become half as large where photographs resolve more than those of the last level will hold.
 void Training::halveRegions() {
     constexpr int kFirstLevel = 1;      // before, haze stands where nothing is, and regions are smaller than leaves
-    constexpr std::size_t kGrowth = 4;  // of leaves, when all cells will be divided: surfaces
+    constexpr std::size_t kGrowth = 4;  // of leaves from level to level: surfaces
     const int level = place_.stages[place_.stage - 1].level;
-    if (state_.min_seen <= 0 || keepsUnseen() || options_.voxel_size || level < kFirstLevel) return;
+    if (state_.min_seen <= 0 || keepsUnseen() || place_.has_asked_voxels || level < kFirstLevel) return;
     Shells shells = state_.field.shells();
     const Shells shells_before = shells;
     // As if the plan went on to the finest voxels: one that does not has too few rays for small ones.
@@ -464,7 +465,16 @@ void Training::halveRegions() {
     if (!shells.regions) return;
     const Topology before = state_.field.topology();
     Topology halved = nerfvdb::halveRegions(before, shells_before, shells);
-    if (memoryPlan().refining(halved.leafCount(), kGrowth * halved.leafCount()) > memoryLimit()) return;
+    std::size_t leaves = halved.leafCount();  // before the last level
+    for (int n = level + 1; n < place_.stages.back().level; ++n) leaves *= kGrowth;
+    if (const std::size_t bytes = memoryPlan().refining(leaves, kGrowth * leaves); bytes > memoryLimit()) {
+        notes_.push_back("near cameras voxels were not halved: with the levels to come they might need " +
+                         std::to_string(bytes >> 20) + " MiB, " +
+                         (options_.max_memory_bytes ? "--max-memory allows " : "this machine has ") +
+                         std::to_string(memoryLimit() >> 20));
+        report_.warn(notes_.back());
+        return;
+    }
 
     const Topology seen = nerfvdb::halveRegions(prune(before, state_.seen), shells_before, shells);
     state_.field = halveField(std::move(state_.field), std::move(halved), shells);
@@ -481,6 +491,7 @@ void Training::halveRegions() {
     report_.info("regions: photographs resolve more in " +
                  std::to_string(std::count_if(halvings.begin(), halvings.end(), [](int n) { return n > 0; })) + " of " +
                  std::to_string(halvings.size()) + ", whose voxels are halved");
+    step_seconds_ = 0;
     updateOccupancy();
 }
 

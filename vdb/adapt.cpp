@@ -200,7 +200,8 @@ VoxelField halveField(VoxelField&& field, Topology halved, const Shells& shells)
         const int before = topology.findLeaf(coord);
         forEachBit(halved.voxels()[leaf], [&](int offset) {
             if (before < 0 || !testBit(topology.voxels()[before], offset))
-                density[leaf * kLeafVoxels + offset] -= std::numbers::ln2_v<float>;
+                density[leaf * kLeafVoxels + offset] =
+                    std::min(density[leaf * kLeafVoxels + offset], kMaxRaw) - std::numbers::ln2_v<float>;
         });
     }
     return VoxelField(std::move(halved), field.frame(), shells, field.channels(), field.densityScale(), std::move(density),

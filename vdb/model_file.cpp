@@ -289,7 +289,7 @@ Shells loadShells(const Facts& facts, const Vec3i& dims) {
     const openvdb::Vec3i extent = facts.get<openvdb::Vec3i>("nerfvdb_shell_extent");
     shells.extent = Vec3i(extent.x(), extent.y(), extent.z());
     shells.stride = facts.get<std::int32_t>("nerfvdb_shell_stride");
-    if (facts.has("nerfvdb_regions")) shells.regions = loadRegions(facts, shells.count);
+    if (facts.get<std::int32_t>("nerfvdb_format") > kFormatWithoutRegions) shells.regions = loadRegions(facts, shells.count);
     if (!shells.fits(dims))
         throw DataError(facts.where("nerfvdb_shell_extent"), extent.str() + " every " + std::to_string(shells.stride),
                         "shells that fit into " + facts.get<openvdb::Vec3i>("nerfvdb_dims").str() + " voxels");

@@ -112,14 +112,16 @@ struct Shells {
         dims.x() = firstOf(halvings + 1);
         return dims;
     }
-    /// Whether they lie side by side in an index space of `dims` voxels, each with room for upper corners, in whole
-    /// leaves of its own, around whole cells of its own, and in regions of whole leaves.
+    /// Whether they lie side by side in an index space of `dims` voxels, all of it along x, each with room for upper corners,
+    /// in whole leaves of its own, around whole cells of its own, and in regions of whole leaves.
     bool fits(const Vec3i& dims) const {
-        const bool are_whole = count == 1 || (stride % 8 == 0 && (extent.array() / 4 * 4 == extent.array()).all());
+        if (count < 1 || count > kMaxShells || (extent.array() <= 0).any() || (extent.array() >= dims.array()).any() ||
+            extent.x() >= stride || stride > dims.x() / count)
+            return false;  // before anything is multiplied
+        if (count == 1) return !regions;
         const Vec3i last = extent * (1 << mostHalvings());
-        return count >= 1 && count <= kMaxShells && are_whole && (extent.array() > 0).all() && extent.x() < stride &&
-               regionsFit() && last.y() < dims.y() && last.z() < dims.z() && stride <= dims.x() / count &&
-               firstOf(mostHalvings() + 1) <= dims.x();
+        return stride % 8 == 0 && (extent.array() / 4 * 4 == extent.array()).all() && regionsFit() && last.y() < dims.y() &&
+               last.z() < dims.z() && firstOf(mostHalvings() + 1) == dims.x();
     }
     /// The same field at half the voxel size.
     Shells subdivided() const { return {count, extent * 2, stride * 2, regions}; }
@@ -130,7 +132,7 @@ private:
     bool regionsFit() const {
         if (!regions) return true;
         const Vec3i& cut = regions->dims;
-        return count > 1 && (cut.array() > 0).all() && (cut.array() <= extent.array() / 8).all() &&
+        return (cut.array() > 0).all() && (cut.array() <= extent.array() / 8).all() &&
                (extent.array() / cut.array() / 8 * 8 * cut.array() == extent.array()).all() &&
                regions->halved.size() == static_cast<std::size_t>(count);
     }

@@ -565,6 +565,8 @@ TEST_CASE("sealed models with parts that do not fit are refused") {
         regions.setValue(bytes);
         openvdb::MetaMap map(*good);
         map.insertMeta("nerfvdb_regions", regions);
+        map.removeMeta("nerfvdb_format");
+        map.insertMeta("nerfvdb_format", openvdb::Int32Metadata(4));
         map.insertMeta("nerfvdb_shells", openvdb::Int32Metadata(2));
         map.insertMeta("nerfvdb_shell_extent", openvdb::Vec3IMetadata(openvdb::Vec3i(8)));
         map.insertMeta("nerfvdb_shell_stride", openvdb::Int32Metadata(16));

@@ -179,6 +179,15 @@ TEST_CASE("regions that do not fit their shells are none") {
     CHECK_FALSE(fitsWith({8, 2, 6}));   // half a leaf
     CHECK_FALSE(fitsWith({4, 2, 5}));   // no whole number of leaves
     CHECK_FALSE(fitsWith({3, 2, 6}));
+
+    // Extents that would overflow, and an index space that goes on behind the last layer.
+    Shells large = shells;
+    large.regions = makeRegions(2, {1, 1, 1}, {2, 0});
+    const Vec3i dims = large.dims();
+    CHECK(large.fits(dims));
+    CHECK_FALSE(large.fits(dims + Vec3i(8, 0, 0)));
+    large.extent.y() = 1 << 30;
+    CHECK_FALSE(large.fits(dims));
     shells.regions = makeRegions(2, {4, 2, 6}, std::vector<std::uint8_t>(96, 1));
     CHECK_FALSE(shells.fits(test::nestedDims(shells)));  // an index space without room for halved layers
 }
