@@ -6,12 +6,13 @@
 #include <vector>
 
 #include "trainer/looks.h"
+#include "trainer/photo_sharpness.h"
 
 namespace nerfvdb {
 namespace {
 
 constexpr std::uint64_t kRays = 250'000;
-constexpr double kTooWide = 2;      // log2 of pixels: four
+constexpr double kTooWide = 2;      // log2 of pixels, or of what is resolved of them: four
 constexpr double kEnoughLight = 4;  // rays
 constexpr double kUnit = 1024;      // sums are of integers, so that their order does not matter
 
@@ -43,6 +44,7 @@ std::shared_ptr<const Regions> resolvedRegions(const Dataset& dataset, const Vox
         if ((region.array() < dims.array()).all()) region_of[leaf] = regions.indexOf(shells.shellOf(layer), region);
     }
 
+    const double finest = resolvedPixels(dataset);
     int stride = 1;
     while (raysOfLooks(dataset, stride) > kRays) ++stride;
     std::vector<Sums> sums(halvings.size());
@@ -50,7 +52,7 @@ std::shared_ptr<const Regions> resolvedRegions(const Dataset& dataset, const Vox
                 [&](const View& view, const RayTracer& tracer, const KeptSamples& kept) {
                     for (int k = 0; k < kept.n; ++k) {
                         const auto leaf = static_cast<std::size_t>(kept.leaf[k]);
-                        const double pixel = (tracer.entry()[kept.ray[k]] + kept.t[k]) / view.camera.fx;
+                        const double pixel = finest * (tracer.entry()[kept.ray[k]] + kept.t[k]) / view.camera.fx;
                         const double width = std::log2(std::max(voxel_of[leaf] / (shrink * pixel), 1e-6));
                         Sums& sum = sums[region_of[leaf]];
                         sum.light.fetch_add(std::llround(kUnit * kept.weight[k]), std::memory_order_relaxed);

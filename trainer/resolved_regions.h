@@ -11,8 +11,8 @@
 
 namespace nerfvdb {
 
-/// The field's regions, those halved once more whose voxels will be four times as wide as pixels, or wider, when they are
-/// 1 / `shrink` as large as now: in the mean of logarithms over the light that rays of photographs take there, samples that
+/// The field's regions, those halved once more whose voxels will be four times as wide as what photographs resolve (a pixel, or
+/// more where they are not sharp: photo_sharpness.h), or wider, when they are 1 / `shrink` as large as now: in the mean of logarithms over the light that rays of photographs take there, samples that
 /// give a ray less than `min_seen` of it aside. Null if that is none, or the field has no shells. Looks along some hundred
 /// thousand rays; the same for any number of threads.
 std::shared_ptr<const Regions> resolvedRegions(const Dataset& dataset, const VoxelField& field, const Occupancy& occupancy,

@@ -191,8 +191,12 @@ TEST_CASE("a checkpoint keeps the regions whose cells are halved") {
     state.feature_moment = HugeArray<float>(state.field.density().size());
     state.seen.assign(leaves, {});
     state.occupancy = findOccupied(state.field, 0);
+    CHECK_FALSE(place.has_asked_voxels);
+    place.has_asked_voxels = true;  // then a resumed training halves none
     saveCheckpoint(dir / "b.ckpt", state, place);
     const auto [again, place_again] = load(dir / "b.ckpt");
+    CHECK(place_again.has_asked_voxels);
+    CHECK(place_again.tries_exposure == place.tries_exposure);
     REQUIRE(again.field.shells().regions);
     CHECK(again.field.shells().regions->dims == dims);
     CHECK(again.field.shells().regions->halvings == halvings);
