@@ -143,7 +143,7 @@ Command addTrain(CLI::App& program) {
         ->type_name("X0 Y0 Z0 X1 Y1 Z1");
     app.add_option("--voxel-size", words->voxel_size,
                    "Edge of a voxel at the end, in world units, in the inner box of an open scene [as fine as photographs show, "
-                   "at most 512 along the box]")
+                   "at most 512 along the box, halved in long trainings where cameras are near]")
         ->type_name("LENGTH");
     app.add_option("--max-memory", words->max_memory,
                    "Stop refining where the program would need more: 4GB, 512MiB [what the machine has]. Given, photographs "

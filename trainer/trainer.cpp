@@ -455,8 +455,10 @@ void Training::lookAgain() {
 void Training::halveRegions() {
     constexpr int kFirstLevel = 1;      // before, haze stands where nothing is, and regions are smaller than leaves
     constexpr std::size_t kGrowth = 4;  // of leaves from level to level: surfaces
+    constexpr double kRaysToHalve = 8e7;  // of a training: fewer are better spent on what is there (docs/quality.md)
     const int level = place_.stages[place_.stage - 1].level;
     if (state_.min_seen <= 0 || keepsUnseen() || place_.has_asked_voxels || level < kFirstLevel) return;
+    if (raysOf(place_.stages) < kRaysToHalve) return;
     Shells shells = state_.field.shells();
     const Shells shells_before = shells;
     // As if the plan went on to the finest voxels: one that does not has too few rays for small ones.
