@@ -36,6 +36,8 @@ struct TrainOptions {
                                                 // empty or from which no ray took light: to measure what they cost
     bool skip_nothing = false;                  // and march through all of the box, to its end, read features at every
                                                 // sample, draw every pixel: to measure what all skipping saves
+    double rays_to_halve = 8e7;                 // of a training that halves voxels near cameras (resolvedRegions): fewer
+                                                // are better spent on the voxels that are there (docs/quality.md)
     double elapsed_s = 0;                       // wall time the process had spent when training began
 };
 

@@ -14,6 +14,7 @@
 #include "trainer/checkpoint_keeper.h"
 #include "trainer/dataset_hash.h"
 #include "trainer/faint_cells.h"
+#include "trainer/level_change.h"
 #include "trainer/looks.h"
 #include "trainer/memory_plan.h"
 #include "trainer/model_cameras.h"
@@ -91,7 +92,8 @@ private:
     void settleExposure();
     void refine();
     void sharpen(float by);
-    void halveRegions();
+    void halveNearCameras();
+    void stayCoarse(const std::string& what, std::size_t bytes);
     void lookAgain();
     void updateSource();
     void updateOccupancy();
@@ -452,44 +454,24 @@ void Training::lookAgain() {
 }
 
 /// Voxels become half as large where photographs resolve more than those of the last level will hold.
-void Training::halveRegions() {
+void Training::halveNearCameras() {
     constexpr int kFirstLevel = 1;      // before, haze stands where nothing is, and regions are smaller than leaves
     constexpr std::size_t kGrowth = 4;  // of leaves from level to level: surfaces
-    constexpr double kRaysToHalve = 8e7;  // of a training: fewer are better spent on what is there (docs/quality.md)
     const int level = place_.stages[place_.stage - 1].level;
     if (state_.min_seen <= 0 || keepsUnseen() || place_.has_asked_voxels || level < kFirstLevel) return;
-    if (raysOf(place_.stages) < kRaysToHalve) return;
+    if (raysOf(place_.stages) < options_.rays_to_halve) return;
     Shells shells = state_.field.shells();
-    const Shells shells_before = shells;
     // As if the plan went on to the finest voxels: one that does not has too few rays for small ones.
     shells.regions = resolvedRegions(dataset_, state_.field, state_.occupancy, state_.min_seen,
                                      std::ldexp(1.0, kMaxLevels - 1 - level));
     if (!shells.regions) return;
-    const Topology before = state_.field.topology();
-    Topology halved = nerfvdb::halveRegions(before, shells_before, shells);
+    Topology halved = halveRegions(state_.field.topology(), state_.field.shells(), shells);
     std::size_t leaves = halved.leafCount();  // before the last level
     for (int n = level + 1; n < place_.stages.back().level; ++n) leaves *= kGrowth;
-    if (const std::size_t bytes = memoryPlan().refining(leaves, kGrowth * leaves); bytes > memoryLimit()) {
-        notes_.push_back("near cameras voxels were not halved: with the levels to come they might need " +
-                         std::to_string(bytes >> 20) + " MiB, " +
-                         (options_.max_memory_bytes ? "--max-memory allows " : "this machine has ") +
-                         std::to_string(memoryLimit() >> 20));
-        report_.warn(notes_.back());
-        return;
-    }
-
-    const Topology seen = nerfvdb::halveRegions(prune(before, state_.seen), shells_before, shells);
-    state_.field = halveField(std::move(state_.field), std::move(halved), shells);
-    const Topology& topology = state_.field.topology();
-    for (HugeArray<float>* const moment : {&state_.density_moment, &state_.feature_moment}) {
-        HugeArray<float> fine(state_.field.density().size());
-        halveValues(before, shells_before, topology, 1, moment->span(), fine.span());
-        *moment = std::move(fine);
-    }
-    state_.seen.assign(topology.leafCount(), {});
-    for (std::size_t leaf = 0; leaf < topology.leafCount(); ++leaf)
-        if (const int n = seen.findLeaf(topology.leafCoords()[leaf]); n >= 0) state_.seen[leaf] = seen.cells()[n];
-    const auto& halvings = shells.regions->halvings;
+    if (const std::size_t bytes = memoryPlan().refining(leaves, kGrowth * leaves); bytes > memoryLimit())
+        return stayCoarse("near cameras voxels were not halved: with the levels to come they might need ", bytes);
+    halveState(state_, std::move(halved), shells);
+    const std::vector<std::uint8_t>& halvings = shells.regions->halvings;
     report_.info("regions: photographs resolve more in " +
                  std::to_string(std::count_if(halvings.begin(), halvings.end(), [](int n) { return n > 0; })) + " of " +
                  std::to_string(halvings.size()) + ", whose voxels are halved");
@@ -497,9 +479,17 @@ void Training::halveRegions() {
     updateOccupancy();
 }
 
+/// Says why voxels stay as large as they are.
+void Training::stayCoarse(const std::string& what, std::size_t bytes) {
+    notes_.push_back(what + std::to_string(bytes >> 20) + " MiB, " +
+                     (options_.max_memory_bytes ? "--max-memory allows " : "this machine has ") +
+                     std::to_string(memoryLimit() >> 20));
+    report_.warn(notes_.back());
+}
+
 void Training::refine() {
     updateOccupancy();
-    halveRegions();
+    halveNearCameras();
     std::vector<LeafMask> keep = state_.occupancy.cells;
     if (!keepsUnseen()) {
         if (isAskedFor(stage())) sharpen(kSharper);
@@ -511,28 +501,14 @@ void Training::refine() {
         for (std::size_t leaf = 0; leaf < keep.size(); ++leaf)
             for (int word = 0; word < kLeafWords; ++word) keep[leaf][word] &= seen[leaf][word];
     }
-    const Topology coarse = state_.field.topology();
-    Topology fine_topology = subdivide(coarse, keep);
-
-    const std::size_t fine_bytes = memoryPlan().refining(coarse.leafCount(), fine_topology.leafCount());
-    if (fine_bytes > memoryLimit()) {
-        notes_.push_back("stayed at voxels of " + std::to_string(state_.field.frame().voxel_size) +
-                         ": finer ones need " + std::to_string(fine_bytes >> 20) + " MiB, " +
-                         (options_.max_memory_bytes ? "--max-memory allows " : "this machine has ") +
-                         std::to_string(memoryLimit() >> 20));
-        report_.warn(notes_.back());
+    const std::size_t leaves = state_.field.topology().leafCount();
+    Topology fine = subdivide(state_.field.topology(), keep);
+    if (const std::size_t bytes = memoryPlan().refining(leaves, fine.leafCount()); bytes > memoryLimit()) {
+        stayCoarse("stayed at voxels of " + std::to_string(state_.field.frame().voxel_size) + ": finer ones need ", bytes);
         if (isAskedFor(stage()) && !keepsUnseen()) sharpen(-kSharper);
         return;
     }
-
-    // One array after the other, so that old and new ones do not stand side by side.
-    state_.field = refineField(std::move(state_.field), std::move(fine_topology));
-    for (HugeArray<float>* const moment : {&state_.density_moment, &state_.feature_moment}) {
-        HugeArray<float> fine(state_.field.density().size());
-        refineValues(coarse, state_.field.topology(), 1, moment->span(), fine.span());
-        *moment = std::move(fine);
-    }
-    state_.seen.assign(state_.field.topology().leafCount(), {});
+    refineState(state_, std::move(fine));
     step_seconds_ = 0;
     updateOccupancy();
 }

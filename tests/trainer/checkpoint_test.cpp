@@ -45,6 +45,19 @@ TrainOptions shortRun() {
     return options;
 }
 
+/// The same of photographs without alpha, as of a place.
+TrainOptions openRun() {
+    TrainOptions options = shortRun();
+    options.extent = SceneExtent::open;
+    return options;
+}
+
+Dataset opaqueSphere() {
+    Dataset opaque = sphere();
+    opaque.has_alpha = false;
+    return opaque;
+}
+
 /// Bytes of the model file that a result becomes.
 std::string modelBytes(const TrainResult& result, const TempDir& dir) {
     saveModel(result.model, dir / "model.vdb");
@@ -149,10 +162,8 @@ TEST_CASE("checkpoints at every step change nothing, and one of them resumes", "
 
 TEST_CASE("a checkpoint of an open scene keeps its shells and its sky, and goes on to the same file") {
     const TempDir dir;
-    TrainOptions options = shortRun();
-    options.extent = SceneExtent::open;
-    Dataset opaque = sphere();
-    opaque.has_alpha = false;
+    const TrainOptions options = openRun();
+    const Dataset opaque = opaqueSphere();
     StopAfter report(50);
     REQUIRE(train(opaque, options, report, {}, dir / "a.ckpt").interrupted);
     const auto [state, place] = load(dir / "a.ckpt");
@@ -172,15 +183,9 @@ TEST_CASE("a checkpoint of an open scene keeps its shells and its sky, and goes 
 
 TEST_CASE("a checkpoint keeps the regions whose cells are halved") {
     const TempDir dir;
-    auto [state, place] = [&] {
-        TrainOptions options = shortRun();
-        options.extent = SceneExtent::open;
-        Dataset opaque = sphere();
-        opaque.has_alpha = false;
-        StopAfter report(5);
-        REQUIRE(train(opaque, options, report, {}, dir / "a.ckpt").interrupted);
-        return load(dir / "a.ckpt");
-    }();
+    StopAfter report(5);
+    REQUIRE(train(opaqueSphere(), openRun(), report, {}, dir / "a.ckpt").interrupted);
+    auto [state, place] = load(dir / "a.ckpt");
     state.field = test::nestedField(Vec3i(32, 16, 48), 3, state.field.channels());
     const Vec3i dims(4, 2, 3);
     std::vector<std::uint8_t> halvings(static_cast<std::size_t>(3 * dims.prod()), 0);
