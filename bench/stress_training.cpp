@@ -362,8 +362,7 @@ std::vector<StressRow> stressSeeds(const SeedStressOptions& options, Report& rep
         for (int seed = 1; seed <= options.seeds; ++seed) {
             if (report.cancelled()) throw Interrupted("stopped between seeds, as asked");
             TrainOptions training;
-            training.steps = {options.steps};
-            training.preset = Preset::fast;
+            training.steps = {options.steps};  // with the network of the default preset, as users have it
             training.seed = static_cast<std::uint64_t>(seed);
             Report silent;
             const TrainResult result = train(learned, training, silent, {});

@@ -25,7 +25,7 @@ std::vector<StressRow> stressInput(const std::filesystem::path& scratch, std::in
 struct SeedStressOptions {
     std::vector<std::string> scenes = {"sphere", "shell", "thin", "glossy", "fog", "demo"};
     int seeds = 20;
-    std::int64_t steps = 5500;  // half of the preset's
+    std::int64_t steps = 5500;  // a fifth of the default preset's
     int views = 40, size = 100;  // photographs, as many held out, and pixels along their edge
 };
 
