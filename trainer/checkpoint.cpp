@@ -19,6 +19,7 @@
 #include "core/error.h"
 #include "core/file_descriptor.h"
 #include "core/parallel.h"
+#include "vdb/layer_cells.h"
 
 namespace nerfvdb {
 namespace {
@@ -440,6 +441,7 @@ void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainP
     frame.origin = grid.origin;
     frame.voxel_size = grid.voxel_size;
     state.field = VoxelField(Topology(grid.dims, leaves), frame, grid.shells, grid.channels, grid.density_scale);
+    if (!strayLeaf(state.field.topology(), grid.shells).empty()) reader.fail();
     state.decoder = Decoder(grid.channels, place.seed, grid.decoder_width);
     std::vector<float> network;
     visitLearner(reader, state, network);

@@ -43,6 +43,7 @@
 #include "core/parallel.h"
 #include "vdb/camera_codec.h"
 #include "vdb/field_codec.h"
+#include "vdb/layer_cells.h"
 #include "vdb/topology_tree.h"
 #include "vdb/vdb_file.h"
 #include "vdb/vdb_metadata.h"
@@ -308,6 +309,8 @@ VoxelField loadField(const Facts& facts) {
     const Vec3i dims = gridDims(facts);
     VoxelField field(decodeTopology(dims, facts.bytes("nerfvdb_cells"), facts.where("nerfvdb_cells")), frame,
                      loadShells(facts, dims), channels, positive(facts, "nerfvdb_density_scale"));
+    if (const std::string stray = strayLeaf(field.topology(), field.shells()); !stray.empty())
+        throw DataError(facts.where("nerfvdb_cells"), stray, "cells in the shells and regions that the file tells of");
     decodeValues(facts.bytes("nerfvdb_values"), facts.where("nerfvdb_values"), field);
     return field;
 }

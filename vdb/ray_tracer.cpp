@@ -79,10 +79,24 @@ Interval insideBox(const Vec3d& low, const Vec3d& high, const Vec3d& origin, con
     return inside;
 }
 
+/// To millionths of a voxel, so that coordinates of all layers, which differ by powers of two and whole voxels, are exact: a ray
+/// in a face between layers, or as good as in it, lies on the same side for all of them.
+Vec3d onFineGrid(const Vec3d& index) {
+    constexpr double kPerVoxel = 1 << 20;
+    return (index * kPerVoxel).array().round() / kPerVoxel;
+}
+
+/// In single precision, and in the same cell still.
+float inSameCell(double x) {
+    const auto nearest = static_cast<float>(x);
+    return std::floor(nearest) > x ? std::nextafter(nearest, -std::numeric_limits<float>::infinity()) : nearest;
+}
+
 }  // namespace
 
 void RayTracer::addRay(const TraceScene& scene, const Ray& ray, float step_voxels, float jitter) {
-    const Vec3d origin = scene.frame.indexFromWorld(ray.origin);
+    const Vec3d index = scene.frame.indexFromWorld(ray.origin);
+    const Vec3d origin = scene.shells.count == 1 ? index : onFineGrid(index);
     const int r = n_rays_++;
     if (r == 0) n_stretches_ = 0;
     for (int axis = 0; axis < 3; ++axis) directions_[3 * r + axis] = static_cast<float>(ray.direction[axis]);
@@ -171,9 +185,9 @@ void RayTracer::addStretch(const TraceScene& scene, int layer, const Way& way, d
     }
     const double scale = scene.shells.layerScale(layer);
     const Vec3d entry = scene.shells.fromInner(layer, way.origin + way.direction * t_begin);
-    ox_[s] = static_cast<float>(entry.x()), dx_[s] = static_cast<float>(way.direction.x());
-    oy_[s] = static_cast<float>(entry.y()), dy_[s] = static_cast<float>(way.direction.y());
-    oz_[s] = static_cast<float>(entry.z()), dz_[s] = static_cast<float>(way.direction.z());
+    ox_[s] = inSameCell(entry.x()), dx_[s] = static_cast<float>(way.direction.x());
+    oy_[s] = inSameCell(entry.y()), dy_[s] = static_cast<float>(way.direction.y());
+    oz_[s] = inSameCell(entry.z()), dz_[s] = static_cast<float>(way.direction.z());
     length_[s] = static_cast<float>((t_end - t_begin) / scale);
     offset_[s] = way.offset;
     scale_[s] = static_cast<float>(scale);

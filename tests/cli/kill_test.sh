@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
 # SPDX-License-Identifier: Apache-2.0
 # kill_test.sh PROGRAM SCRATCH: kills training at random moments, again and again, and holds what lies on disk then
-# against a run that nobody killed. NERFVDB_KILLS says how often (12), NERFVDB_KILL_SEED repeats the moments.
+# against a run that nobody killed; an earlier model, of another training, lies there first. NERFVDB_KILLS says how
+# often (12), NERFVDB_KILL_SEED repeats the moments.
 set -euo pipefail
 program=$1
 scratch=$2
@@ -34,12 +35,16 @@ begin_run() {
     pid=$!
 }
 
-# check_files: what lies there is whole, or is not there.
+# begin_anew: nothing lies there but the earlier model.
+begin_anew() {
+    rm -f model.*
+    cp earlier.vdb model.vdb
+}
+
+# check_files: the model is the earlier one or the new one, and a checkpoint is whole or is not there.
 check_files() {
-    if [[ -e model.vdb ]]; then
-        "$program" info model.vdb >out 2>err || fail "info cannot read the model"
-        cmp model.vdb whole.vdb || fail "another model"
-    fi
+    "$program" info model.vdb >out 2>err || fail "info cannot read the model"
+    cmp -s model.vdb earlier.vdb || cmp model.vdb whole.vdb || fail "a model that nobody made"
     if [[ -e model.ckpt ]]; then
         head -c 20 model.ckpt | cmp -s - <(head -c 20 whole.ckpt) || fail "the checkpoint has no head"
     fi
@@ -51,6 +56,8 @@ readonly steps=24,12,6
 begin=$(microseconds)
 "$program" train data --out whole.vdb --steps $steps --checkpoint-every 0.001s >out 2>err || fail "training failed"
 whole_us=$(($(microseconds) - begin))
+"$program" train data --out earlier.vdb --steps 9 --seed 2 >out 2>err || fail "training failed"
+begin_anew
 
 while_writing=0
 finished=0
@@ -71,7 +78,7 @@ while ((n < kills)); do
     if ((code == 0)); then  # it was faster
         cmp model.vdb whole.vdb || fail "a run that was killed and resumed ended with another model"
         finished=$((finished + 1))
-        rm -f model.*
+        begin_anew
         continue
     fi
     ((code == 137)) || fail "exit code $code: a run could not go on"

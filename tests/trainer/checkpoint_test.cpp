@@ -208,6 +208,13 @@ TEST_CASE("a checkpoint keeps the regions whose cells are halved") {
     CHECK(again.field.topology().cellCount() == state.field.topology().cellCount());
     saveCheckpoint(dir / "c.ckpt", again, place_again);
     CHECK(readFile(dir / "b.ckpt") == readFile(dir / "c.ckpt"));
+
+    Shells other = state.field.shells();
+    halvings[5] = 1;
+    other.regions = makeRegions(3, dims, halvings);
+    state.field = VoxelField(state.field.topology(), state.field.frame(), other, state.field.channels(), 1.0);
+    saveCheckpoint(dir / "d.ckpt", state, place);
+    CHECK_THROWS_AS(load(dir / "d.ckpt"), DataError);  // cells that are not halved in a region that is
 }
 
 TEST_CASE("a preset decides how much a voxel and the network hold, and a checkpoint keeps it") {

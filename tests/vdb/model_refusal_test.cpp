@@ -7,6 +7,7 @@
 #include "core/error.h"
 #include "core/random.h"
 #include "tests/support/catch.h"
+#include "tests/support/nested_field.h"
 #include "tests/support/shell_model.h"
 #include "tests/support/temp_dir.h"
 #include "vdb/model_file.h"
@@ -199,5 +200,28 @@ TEST_CASE("sealed models with parts that do not fit are refused") {
             wrong.setValue(bytes);
             CHECK(refusal(name, &wrong) != "no error");
         }
+    }
+}
+
+TEST_CASE("a model whose cells do not lie where its regions say is refused") {
+    const TempDir folder;
+    const Vec3i dims(2, 2, 3);
+    std::vector<std::uint8_t> halvings(static_cast<std::size_t>(2 * dims.prod()), 0);
+    halvings[3] = 1, halvings[7] = halvings[9] = 2;
+    const VoxelField field = test::halvedField(test::nestedField(Vec3i(32, 16, 24), 2, 4), dims, halvings);
+    const auto messageWith = [&](const std::vector<std::uint8_t>& claimed) {
+        Shells shells = field.shells();
+        shells.regions = makeRegions(2, dims, claimed);
+        Model model;
+        model.field = VoxelField(field.topology(), field.frame(), shells, 4, field.densityScale());
+        model.decoder = Decoder(4, 2);
+        saveModel(model, folder / "a.vdb");
+        return messageOf(folder / "a.vdb");
+    };
+    CHECK(messageWith(halvings) == "no error");
+    for (const std::size_t region : {0, 3, 7, 20}) {
+        std::vector<std::uint8_t> claimed = halvings;
+        claimed[region] = claimed[region] == 0 ? 1 : claimed[region] - 1;
+        CHECK_THAT(messageWith(claimed), Contains("nerfvdb_cells") && Contains("where a region says"));
     }
 }
