@@ -85,6 +85,9 @@ Outputs checkOutputs(const ExportWords& words) {
         if (std::filesystem::exists(path) && std::filesystem::equivalent(path, words.model))
             throw UsageError("--out", "the model itself", "another file", "an export cannot be trained again");
     }
+    if (words.level_set) prepareOutputFile("--out", outputs.level_set);
+    if (!words.volume_only)
+        for (const std::filesystem::path& path : {outputs.cameras, outputs.script}) prepareOutputFile("--out", path);
     return outputs;
 }
 

@@ -850,6 +850,7 @@ volume.vdb export model.vdb --out volume.vdb --fit 0
 mesh.ply mesh model.vdb --out mesh.ply
 mesh.obj mesh model.vdb --out mesh.obj
 mesh.glb mesh model.vdb --out mesh.glb
+mesh.stl mesh model.vdb --out mesh.stl
 views/0000.png render model.vdb --data data --split test --out views
 orbit/0000.png render model.vdb --orbit 1 --width 200 --height 200 --out orbit
 saved/0000.png eval model.vdb data --save saved
@@ -901,6 +902,14 @@ test_bad_places() {
         if [[ $name == "$output" ]]; then rmdir "$name"; else [[ "$(cat "$name")" == "a file" ]] || fail "$name was a file"; fi
         rm -rf "$name"
     done <<<"$writers"
+    # What lies beside a volume is looked at before the volume is made.
+    for name in volume.cameras.json volume.blender.py volume.surface.vdb; do
+        mkdir $name
+        expect 1 export model.vdb --out volume.vdb --fit 0 --level-set
+        says err "$name"
+        [[ ! -e volume.vdb ]] || fail "a volume was written although $name could not be"
+        rmdir $name
+    done
     with_fake_colmap
     (cd data/train && ls) >fake/registered.0
     printf 'a file\n' >place
