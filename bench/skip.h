@@ -23,10 +23,10 @@ struct SkipOptions {
 /// The switches: empty leaves are no longer jumped: every leaf of the box that holds nothing is walked, as one
 /// empty leaf that stands for all of them (a dense grid would also pay for its memory). Empty voxels: every
 /// cell of an occupied leaf is looked at. Behind surfaces: rays go on to the end of the box. Negligible
-/// weights: features are read for every sample. Nearly empty cells: cells of any alpha count. Rays that meet
-/// nothing (training): rays come from all pixels that show the scene's box, and seconds are those of as many
-/// useful rays. Voxels that no view sees: TrainOptions::keep_unseen. All of
-/// these: in rendering all switches at once, in training TrainOptions::skip_nothing.
+/// weights: features are read for every sample. Rays that meet nothing (training): rays come from all pixels that
+/// show the scene's box, and seconds are those of as many useful rays. Voxels that no view sees:
+/// TrainOptions::keep_unseen. All of these: in rendering all switches at once, in a whole training
+/// TrainOptions::skip_nothing.
 BenchResult benchSkip(const Subject& subject, const SkipOptions& options, Report& report);
 
 /// Time without each kind over time with all of them.
