@@ -3,21 +3,9 @@
 // processor. On a machine that others use too, the second is the fairer.
 #pragma once
 
-#include <sys/resource.h>
-
-#include <chrono>
+#include "core/clock.h"
 
 namespace nerfvdb {
-
-/// Processor time of all threads of this process so far, user and system, seconds.
-inline double processCpuSeconds() {
-    rusage usage{};
-    getrusage(RUSAGE_SELF, &usage);
-    const auto seconds = [](const timeval& time) {
-        return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
-    };
-    return seconds(usage.ru_utime) + seconds(usage.ru_stime);
-}
 
 /// Adds up the time between start() and pause(), any number of times. Stands still when it is made.
 class Stopwatch {
@@ -25,7 +13,7 @@ public:
     void start() {
         if (runs_) return;
         runs_ = true;
-        wall_begin_ = Clock::now();
+        wall_begin_ = Clock();
         cpu_begin_ = processCpuSeconds();
     }
     void pause() {
@@ -34,15 +22,14 @@ public:
         runs_ = false;
     }
     double wallSeconds() const {
-        return wall_ + (runs_ ? std::chrono::duration<double>(Clock::now() - wall_begin_).count() : 0.0);
+        return wall_ + (runs_ ? wall_begin_.seconds() : 0.0);
     }
     double cpuSeconds() const { return cpu_ + (runs_ ? processCpuSeconds() - cpu_begin_ : 0.0); }
 
 private:
-    using Clock = std::chrono::steady_clock;
     bool runs_ = false;
     double wall_ = 0, cpu_ = 0, cpu_begin_ = 0;
-    Clock::time_point wall_begin_;
+    Clock wall_begin_;
 };
 
 }  // namespace nerfvdb

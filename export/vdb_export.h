@@ -67,8 +67,8 @@ struct ExportVdbReport {
 
 /// Writes `path`, or for several tiles NAME.000.vdb, NAME.001.vdb, ... beside it: see writeVolume for the grids.
 /// Equal models and options give equal bytes, on any number of threads.
-/// Throws IoError (files that stood there are then untouched, but for tiles that were written before), UsageError, DataError (nothing within the bounds),
-/// Interrupted.
+/// Throws IoError (files that stood there are then untouched, but for tiles that were written before), UsageError,
+/// DataError (nothing within the bounds), Interrupted.
 ExportVdbReport exportVdb(const Model& model, const std::filesystem::path& path, const ExportVdbOptions& options,
                           Report& report);
 

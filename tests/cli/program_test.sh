@@ -241,7 +241,7 @@ test_synth() {
 test_story() {
     tiny_scene --no-truth
     tiny_model --json train.json --seed 3
-    has_keys train.json train_seconds peak_memory_bytes active_voxels steps schedule train_psnr seed
+    has_keys train.json train_seconds cpu_seconds peak_memory_bytes active_voxels steps schedule train_psnr seed
     [[ -s model.vdb && -s model.ckpt ]] || fail "no model or no checkpoint"
     [[ "$(head -n 1 model.csv)" == "step,seconds,loss,psnr,rays,voxels,distortion,entropy,alpha_error" ]] || fail "model.csv has another head"
     [[ $(wc -l <model.csv) -ge 2 ]] || fail "model.csv is empty"
