@@ -231,19 +231,19 @@ void decodeValues(std::span<const std::uint8_t> bytes, const std::string& where,
     decodeChunks(bytes.subspan(channels + 1), masks.size(), where,
                  [&](std::size_t first, std::size_t last, RangeDecoder& in) {
                      std::vector<int> codes((last - first) * kLeafVoxels);
-                     bool is_finite = true;
+                     bool fits = true;
                      for (std::size_t k = 0; k <= channels; ++k) {
                          decodeChannel(masks.subspan(first, last - first), codes.data(), in);
                          for (std::size_t leaf = first; leaf < last; ++leaf)
                              forEachBit(masks[leaf], [&](int offset) {
                                  const std::size_t voxel = leaf * kLeafVoxels + offset;
                                  const float value = valueOf(codes[(leaf - first) * kLeafVoxels + offset], steps[k]);
-                                 is_finite &= std::isfinite(value);
+                                 fits &= canBeStored(value);
                                  if (k == 0) density[voxel] = value;
                                  else features[voxel * channels + (k - 1)] = value;
                              });
                      }
-                     if (!is_finite) throw DataError(where, "a value beyond what a float holds", "finite values");
+                     if (!fits) throw DataError(where, "a value of more than a million", "values as training makes them");
                  });
 }
 

@@ -133,10 +133,8 @@ std::string encodeRegions(const Regions& regions) {
     return bytes;
 }
 
-bool allFinite(std::span<const float> values) {
-    for (const float value : values)
-        if (!std::isfinite(value)) return false;
-    return true;
+bool canBeStored(std::span<const float> values) {
+    return std::all_of(values.begin(), values.end(), [](float value) { return nerfvdb::canBeStored(value); });
 }
 
 void checkModel(const Model& model) {
@@ -152,8 +150,8 @@ void checkModel(const Model& model) {
     if (field.channels() != model.decoder.channels())
         throw UsageError("model", std::to_string(field.channels()) + " features a voxel",
                          std::to_string(model.decoder.channels()) + " as the decoder reads");
-    if (!allFinite(model.decoder.parameters()) || !model.background.allFinite() || !allFinite(model.sky.values()))
-        throw NumericError("model", "NaN or infinity in the decoder, the background or the sky", "finite numbers",
+    if (!canBeStored(model.decoder.parameters()) || !model.background.allFinite() || !canBeStored(model.sky.values()))
+        throw NumericError("model", "NaN, infinity or more than a million in the decoder, the background or the sky", "finite numbers",
                            "training has diverged: nothing was saved");
 }
 
@@ -262,7 +260,8 @@ Decoder loadDecoder(const Facts& facts, int channels) {
         throw DataError(facts.where("nerfvdb_decoder"), std::to_string(bytes.size()) + " bytes",
                         std::to_string(parameters.size_bytes()));
     std::memcpy(parameters.data(), bytes.data(), bytes.size());
-    if (!allFinite(parameters)) throw DataError(facts.where("nerfvdb_decoder"), "NaN or infinity", "finite weights");
+    if (!canBeStored(parameters))
+        throw DataError(facts.where("nerfvdb_decoder"), "NaN, infinity or more than a million", "weights as training makes them");
     return decoder;
 }
 

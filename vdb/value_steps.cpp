@@ -128,7 +128,7 @@ StepExponents chooseSteps(const Model& model) {
     const std::vector<ChannelStats> values = gatherStats(
         field,
         [](ChannelStats& stats, int channel, float value) {
-            if (!std::isfinite(value))
+            if (!canBeStored(value))
                 throw NumericError(channel == 0 ? "density" : "feature channel " + std::to_string(channel - 1),
                                    std::to_string(value) + " in an active voxel", "finite numbers",
                                    "training has diverged: nothing was saved");

@@ -16,6 +16,11 @@ namespace nerfvdb {
 /// Values are multiples of 2^exponent; one exponent for density, then one per feature channel: [1 + channels].
 using StepExponents = std::vector<int>;
 
+/// What a file may hold, in magnitude, of learned values and of weights: far more than training makes (thousands), and too little
+/// for a sum to overflow in three layers of kMaxDecoderWidth.
+inline constexpr float kMaxStored = 1e6f;
+inline bool canBeStored(float value) { return std::abs(value) <= kMaxStored; }  // false for NaN
+
 inline constexpr int kMaxCode = 32767;  // |value| <= kMaxCode * 2^exponent
 
 inline int codeOf(float value, int exponent) { return static_cast<int>(std::lrint(std::ldexp(value, -exponent))); }
@@ -32,7 +37,7 @@ inline float keptValue(const VoxelField& field, std::size_t voxel, int channel) 
 /// The steps to which a model's values can be rounded without a visible change: density by how much the light that a
 /// voxel stops may change, features by how strongly the decoder reacts to each channel. Values that are multiples of
 /// such a step already keep theirs, so that rounded models are not rounded again.
-/// Throws NumericError when an active voxel holds NaN or infinity.
+/// Throws NumericError when an active voxel holds NaN, infinity, or more than kMaxStored.
 StepExponents chooseSteps(const Model& model);
 
 }  // namespace nerfvdb
