@@ -426,10 +426,12 @@ void storeInHalfPrecision(std::span<float> values) {
 Volume plainVolume(const VoxelField& field) {
     std::vector<Topology::LeafCells> voxels;
     const Topology& from = field.topology();
-    for (std::size_t leaf = 0; leaf < from.leafCount(); ++leaf) voxels.push_back({from.leafCoords()[leaf], from.voxels()[leaf]});
+    for (std::size_t leaf = 0; leaf < from.leafCount(); ++leaf)
+        voxels.push_back({from.leafCoords()[leaf], from.voxels()[leaf]});
     Volume volume(voxels, field.frame());
     for (std::size_t leaf = 0; leaf < from.leafCount(); ++leaf) {
-        const auto target = static_cast<std::size_t>(volume.topology().findLeaf(from.leafCoords()[leaf] - volume.firstVoxel() / kLeafDim));
+        const Vec3i coord = from.leafCoords()[leaf] - volume.firstVoxel() / kLeafDim;
+        const auto target = static_cast<std::size_t>(volume.topology().findLeaf(coord));
         forEachBit(from.voxels()[leaf], [&](int offset) {
             const std::size_t voxel = leaf * kLeafVoxels + static_cast<std::size_t>(offset);
             const std::size_t to = target * kLeafVoxels + static_cast<std::size_t>(offset);

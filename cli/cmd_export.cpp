@@ -80,14 +80,14 @@ Outputs checkOutputs(const ExportWords& words) {
     outputs.level_set.replace_extension(".surface.vdb");
     outputs.cameras.replace_extension(".cameras.json");
     outputs.script.replace_extension(".blender.py");
-    for (const std::filesystem::path& path : exportPaths(out, words.options.tiles)) {
+    std::vector<std::filesystem::path> paths = exportPaths(out, words.options.tiles);
+    if (words.level_set) paths.push_back(outputs.level_set);
+    if (!words.volume_only) paths.insert(paths.end(), {outputs.cameras, outputs.script});
+    for (const std::filesystem::path& path : paths) {
         prepareOutputFile("--out", path);
         if (std::filesystem::exists(path) && std::filesystem::equivalent(path, words.model))
             throw UsageError("--out", "the model itself", "another file", "an export cannot be trained again");
     }
-    if (words.level_set) prepareOutputFile("--out", outputs.level_set);
-    if (!words.volume_only)
-        for (const std::filesystem::path& path : {outputs.cameras, outputs.script}) prepareOutputFile("--out", path);
     return outputs;
 }
 

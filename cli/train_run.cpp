@@ -61,8 +61,9 @@ std::string outcomeText(const TrainRun& run, const TrainResult& result) {
         formatted("%s: %lld steps, %.2f dB on the training rays, %zu active voxels, %s\n", run.out.c_str(),
                   static_cast<long long>(result.steps), result.model.info.train_psnr, result.active_voxels,
                   sizeText(static_cast<double>(std::filesystem::file_size(run.out))).c_str());
-    text += formatted("%s in all, %s of the processor's, at most %s of memory\n", durationText(secondsSinceProcessStart()).c_str(),
-                      durationText(processCpuSeconds()).c_str(), sizeText(static_cast<double>(peakMemoryBytes())).c_str());
+    text += formatted("%s in all, %s of the processor's, at most %s of memory\n",
+                      durationText(secondsSinceProcessStart()).c_str(), durationText(processCpuSeconds()).c_str(),
+                      sizeText(static_cast<double>(peakMemoryBytes())).c_str());
     if (!result.gains.empty()) {
         const auto [low, high] = std::minmax_element(result.gains.begin(), result.gains.end());
         text += formatted("photographs show a mid grey %.2f to %.2f times as bright as the model does\n", *low, *high);

@@ -133,8 +133,8 @@ std::string encodeRegions(const Regions& regions) {
     return bytes;
 }
 
-bool canBeStored(std::span<const float> values) {
-    return std::all_of(values.begin(), values.end(), [](float value) { return nerfvdb::canBeStored(value); });
+bool allCanBeStored(std::span<const float> values) {
+    return std::all_of(values.begin(), values.end(), [](float value) { return canBeStored(value); });
 }
 
 void checkModel(const Model& model) {
@@ -150,8 +150,9 @@ void checkModel(const Model& model) {
     if (field.channels() != model.decoder.channels())
         throw UsageError("model", std::to_string(field.channels()) + " features a voxel",
                          std::to_string(model.decoder.channels()) + " as the decoder reads");
-    if (!canBeStored(model.decoder.parameters()) || !model.background.allFinite() || !canBeStored(model.sky.values()))
-        throw NumericError("model", "NaN, infinity or more than a million in the decoder, the background or the sky", "finite numbers",
+    if (!allCanBeStored(model.decoder.parameters()) || !model.background.allFinite() || !allCanBeStored(model.sky.values()))
+        throw NumericError("model", "NaN, infinity or more than a million in the decoder, the background or the sky",
+                           "smaller numbers",
                            "training has diverged: nothing was saved");
 }
 
@@ -260,7 +261,7 @@ Decoder loadDecoder(const Facts& facts, int channels) {
         throw DataError(facts.where("nerfvdb_decoder"), std::to_string(bytes.size()) + " bytes",
                         std::to_string(parameters.size_bytes()));
     std::memcpy(parameters.data(), bytes.data(), bytes.size());
-    if (!canBeStored(parameters))
+    if (!allCanBeStored(parameters))
         throw DataError(facts.where("nerfvdb_decoder"), "NaN, infinity or more than a million", "weights as training makes them");
     return decoder;
 }

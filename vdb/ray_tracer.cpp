@@ -79,11 +79,18 @@ Interval insideBox(const Vec3d& low, const Vec3d& high, const Vec3d& origin, con
     return inside;
 }
 
-/// To millionths of a voxel, so that coordinates of all layers, which differ by powers of two and whole voxels, are exact: a ray
-/// in a face between layers, or as good as in it, lies on the same side for all of them.
+/// To millionths of a voxel, so that coordinates of all layers, which differ by powers of two and whole voxels, are exact (but in
+/// the largest fields of 14 shells and more): a ray in a face between layers, or as good as in it, lies on the same side for
+/// all of them.
 Vec3d onFineGrid(const Vec3d& index) {
     constexpr double kPerVoxel = 1 << 20;
     return (index * kPerVoxel).array().round() / kPerVoxel;
+}
+
+/// Without components that are roundings of zero: they would say that a ray leaves the face in which it lies.
+Vec3d withoutTraces(const Vec3d& direction) {
+    constexpr double kTrace = 1e-12;
+    return direction.unaryExpr([](double d) { return std::abs(d) < kTrace ? 0.0 : d; });
 }
 
 /// In single precision, and in the same cell still.
@@ -96,7 +103,9 @@ float inSameCell(double x) {
 
 void RayTracer::addRay(const TraceScene& scene, const Ray& ray, float step_voxels, float jitter) {
     const Vec3d index = scene.frame.indexFromWorld(ray.origin);
-    const Vec3d origin = scene.shells.count == 1 ? index : onFineGrid(index);
+    const bool is_layered = scene.shells.count > 1;
+    const Vec3d origin = is_layered ? onFineGrid(index) : index;
+    const Vec3d direction = is_layered ? withoutTraces(ray.direction) : ray.direction;
     const int r = n_rays_++;
     if (r == 0) n_stretches_ = 0;
     for (int axis = 0; axis < 3; ++axis) directions_[3 * r + axis] = static_cast<float>(ray.direction[axis]);
@@ -109,7 +118,7 @@ void RayTracer::addRay(const TraceScene& scene, const Ray& ray, float step_voxel
     int innermost = scene.shells.count;
     for (int shell = scene.shells.count - 1; shell >= 0; --shell) {
         const Vec3d half = Shells::scale(shell) * center;
-        inside[shell] = insideBox(center - half, center + half, origin, ray.direction);
+        inside[shell] = insideBox(center - half, center + half, origin, direction);
         if (inside[shell].isEmpty()) break;
         innermost = shell;
     }
@@ -117,7 +126,7 @@ void RayTracer::addRay(const TraceScene& scene, const Ray& ray, float step_voxel
     if (innermost <= outermost) {
         const double t_entry = inside[outermost].begin;
         entry_[r] = static_cast<float>(t_entry);
-        const Way way{origin, ray.direction, t_entry, jitter * step_voxels};
+        const Way way{origin, direction, t_entry, jitter * step_voxels};
         const auto add = [&](int shell, double t_begin, double t_end) {
             if (t_end > t_begin) addStretches(scene, shell, way, t_begin, t_end);
         };

@@ -130,7 +130,7 @@ StepExponents chooseSteps(const Model& model) {
         [](ChannelStats& stats, int channel, float value) {
             if (!canBeStored(value))
                 throw NumericError(channel == 0 ? "density" : "feature channel " + std::to_string(channel - 1),
-                                   std::to_string(value) + " in an active voxel", "finite numbers",
+                                   std::to_string(value) + " in an active voxel", "at most a million",
                                    "training has diverged: nothing was saved");
             stats.largest = std::max(stats.largest, std::abs(value));
             if (value != 0) stats.lowest_bit = std::min(stats.lowest_bit, lowestBit(value));

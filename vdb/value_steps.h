@@ -37,7 +37,7 @@ inline float keptValue(const VoxelField& field, std::size_t voxel, int channel) 
 /// The steps to which a model's values can be rounded without a visible change: density by how much the light that a
 /// voxel stops may change, features by how strongly the decoder reacts to each channel. Values that are multiples of
 /// such a step already keep theirs, so that rounded models are not rounded again.
-/// Throws NumericError when an active voxel holds NaN, infinity, or more than kMaxStored.
+/// Throws NumericError when an active voxel holds NaN, infinity, or a feature of more than kMaxStored.
 StepExponents chooseSteps(const Model& model);
 
 }  // namespace nerfvdb

@@ -178,7 +178,8 @@ TEST_CASE("gradients of the whole step, from voxels and network to the loss, agr
         };
         REQUIRE(loss() > 1);
 
-        // Rays of many voxels round more: 0.0037, of which the half at twice the distance; and densities reach ReLUs as well.
+        // Rays through many voxels round more: off by 0.0037, and less with more distance between the points of a difference; and
+        // densities reach ReLUs as well.
         const double density_tolerance = layered ? kKinks : kSmooth;
         std::vector<Section> sections{
             {"densities", state.field.density().data(), std::vector<float>(state.field.density().size()), 0.00125f,

@@ -324,7 +324,7 @@ TEST_CASE("an empty field and a full one are models too") {
     CHECK(full.field.topology().voxelCount() == 25 * 9 * 9);
 }
 
-TEST_CASE("a model without a grid, or with a NaN, is not saved") {
+TEST_CASE("a model without a grid, or with NaN or what no training makes, is not saved") {
     const TempDir folder;
     CHECK_THROWS_AS(saveModel(Model{}, folder / "a.vdb"), UsageError);
     for (const float bad : {NAN, INFINITY, -INFINITY}) {
@@ -339,9 +339,13 @@ TEST_CASE("a model without a grid, or with a NaN, is not saved") {
         model.field.density()[voxel] = 0;
         model.field.features()[voxel * 8 + 5] = bad;
         CHECK_THROWS_WITH(saveModel(model, folder / "a.vdb"), Contains("feature channel 5"));
+        model.field.features()[voxel * 8 + 5] = -2e6f;
+        CHECK_THROWS_WITH(saveModel(model, folder / "a.vdb"), Contains("feature channel 5"));
         model.field.features()[voxel * 8 + 5] = 0;
-        model.decoder.parameters()[3] = bad;
-        CHECK_THROWS_AS(saveModel(model, folder / "a.vdb"), NumericError);
+        for (const float weight : {bad, 2e6f}) {
+            model.decoder.parameters()[3] = weight;
+            CHECK_THROWS_AS(saveModel(model, folder / "a.vdb"), NumericError);
+        }
     }
     CHECK_FALSE(fs::exists(folder / "a.vdb"));
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files that are no models, or no longer, or not for this program: refused with the reason.
 #include <cmath>
+#include <cstring>
 #include <fstream>
 
 #include "core/atomic_file.h"
@@ -183,6 +184,21 @@ TEST_CASE("sealed models with parts that do not fit are refused") {
         writeVdb(folder / "bad.vdb", {foreignGrid()}, map);
         CHECK_THAT(messageOf(folder / "bad.vdb"), Contains("nerfvdb_regions") && Contains("halved"));
     }
+
+    // Finite, but of a size with which sums overflow.
+    const auto& decoder_blob = dynamic_cast<const openvdb::UnknownMetadata&>(*(*good)["nerfvdb_decoder"]);
+    auto weights = decoder_blob.value();
+    const float large = 2e6f;
+    std::memcpy(&weights[weights.size() - sizeof large], &large, sizeof large);
+    openvdb::UnknownMetadata large_weight(decoder_blob.typeName());
+    large_weight.setValue(weights);
+    CHECK_THAT(refusal("nerfvdb_decoder", &large_weight), Contains("nerfvdb_decoder") && Contains("a million"));
+    const auto& values_blob = dynamic_cast<const openvdb::UnknownMetadata&>(*(*good)["nerfvdb_values"]);
+    auto values = values_blob.value();
+    values[1] = 60;  // the first feature's step: 2^60
+    openvdb::UnknownMetadata large_values(values_blob.typeName());
+    large_values.setValue(values);
+    CHECK_THAT(refusal("nerfvdb_values", &large_values), Contains("nerfvdb_values") && Contains("a million"));
 
     const openvdb::StringMetadata words("cameras");
     CHECK_THAT(refusal("nerfvdb_cameras", &words), Contains("nerfvdb_cameras"));

@@ -173,16 +173,17 @@ TEST_CASE("rays lose in a patchwork of regions the light that its density says")
         Vec3d direction = (pointIn(field.shellBox(0), 2000 + i) - from).normalized();
         if (i % 8 == 7) direction = Vec3d::Unit(i % 3);
         const double traced = tracedDepth(field, occupancy, {from, direction}), tau = summedDepth(field, {from, direction});
-        if (traced < kMostDepth) worst = std::max(worst, std::abs(traced - tau) / std::max(tau, 0.1));
+        REQUIRE_FALSE(std::isnan(traced));
+        if (tau < kMostDepth) worst = std::max(worst, std::abs(traced - tau) / std::max(tau, 0.1));
     }
     CHECK(worst < kDepthError);
 }
 
-TEST_CASE("rays in faces and along edges of regions, and with directions that are almost nothing, lose the light that they should") {
+TEST_CASE("rays in faces and along edges of regions lose the light that they should, whatever their directions' traces") {
     const VoxelField field = patchwork();
     const Occupancy occupancy = findOccupied(field, 0);
     const Vec3i dims = field.shells().regions->dims;
-    constexpr double kDenormal = 5e-324;
+    constexpr double kTraces[] = {5e-324, -5e-324, -0.0, 6e-17, -6e-17};  // the last are what turning a camera leaves of zero
     double worst = 0;
     int n = 0;
     for (int i = 0; i < 300; ++i) {
@@ -201,14 +202,15 @@ TEST_CASE("rays in faces and along edges of regions, and with directions that ar
         if (i % 5 == 0) from[axis] += sign * width[axis];
         if (i % 5 == 1) from[axis] -= sign;
         Vec3d direction = sign * Vec3d::Unit(axis);
-        if (i % 7 < 3) direction[(axis + 1) % 3] = i % 7 == 0 ? kDenormal : i % 7 == 1 ? -kDenormal : -0.0;
+        if (i % 7 < 5) direction[(axis + 1) % 3] = kTraces[i % 7];
         if (i % 11 == 0) direction = (Vec3d::Unit(axis) + Vec3d::Unit((axis + 1) % 3)).normalized();
         const double traced = tracedDepth(field, occupancy, {from, direction});
         REQUIRE_FALSE(std::isnan(traced));
         const Box all = field.worldBox();
+        const double tau = summedDepth(field, {from, direction});
         // A ray in the outermost upper face may miss.
-        if ((from.array() > all.max.array() - 1e-9).any() || !(traced < kMostDepth)) continue;
-        worst = std::max(worst, std::abs(traced - summedDepth(field, {from, direction})) / std::max(traced, 0.1));
+        if ((from.array() > all.max.array() - 1e-9).any() || tau > kMostDepth) continue;
+        worst = std::max(worst, std::abs(traced - tau) / std::max(tau, 0.1));
         ++n;
     }
     CHECK(n > 90);
