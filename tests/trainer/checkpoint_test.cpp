@@ -10,12 +10,14 @@
 #include "tests/support/nested_field.h"
 #include "tests/support/small_disk.h"
 #include "tests/support/sphere_dataset.h"
+#include "tests/support/stopped_training.h"
 #include "tests/support/temp_dir.h"
 #include "trainer/checkpoint_writer.h"
 #include "trainer/trainer.h"
-#include "vdb/model_file.h"
 
 using namespace nerfvdb;
+using test::modelBytes;
+using test::StopAfter;
 
 namespace {
 
@@ -23,20 +25,6 @@ const Dataset& sphere() {
     static const Dataset dataset = test::sphereDataset(Split::train, 12, 48);
     return dataset;
 }
-
-/// Asks to stop once it was asked `limit` times; training asks once a step.
-class StopAfter : public Report {
-public:
-    explicit StopAfter(int limit) : limit_(limit) {}
-    bool cancelled() const override { return count_++ >= limit_; }
-    void warn(const std::string& line) override { warnings.push_back(line); }
-
-    std::vector<std::string> warnings;
-
-private:
-    int limit_;
-    mutable int count_ = 0;
-};
 
 TrainOptions shortRun() {
     TrainOptions options;
@@ -56,12 +44,6 @@ Dataset opaqueSphere() {
     Dataset opaque = sphere();
     opaque.has_alpha = false;
     return opaque;
-}
-
-/// Bytes of the model file that a result becomes.
-std::string modelBytes(const TrainResult& result, const TempDir& dir) {
-    saveModel(result.model, dir / "model.vdb");
-    return readFile(dir / "model.vdb");
 }
 
 TrainResult trainTo(const std::filesystem::path& checkpoint, Report& report, bool resume) {

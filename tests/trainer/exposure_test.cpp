@@ -11,13 +11,15 @@
 #include "tests/support/catch.h"
 #include "tests/support/random_field.h"
 #include "tests/support/sphere_dataset.h"
+#include "tests/support/stopped_training.h"
 #include "tests/support/temp_dir.h"
 #include "tests/support/varied_exposure.h"
 #include "trainer/evaluate.h"
 #include "trainer/trainer.h"
-#include "vdb/model_file.h"
 
 using namespace nerfvdb;
+using test::modelBytes;
+using test::StopAfter;
 
 namespace {
 
@@ -62,22 +64,6 @@ const Dataset& variedSphere() {
     static const Dataset dataset = test::exposed(test::sphereDataset(Split::train, 12, 48), test::randomExposures(12));
     return dataset;
 }
-
-std::string modelBytes(const TrainResult& result, const TempDir& dir) {
-    saveModel(result.model, dir / "model.vdb");
-    return readFile(dir / "model.vdb");
-}
-
-/// Asks to stop once it was asked `limit` times; training asks once a step.
-class StopAfter : public Report {
-public:
-    explicit StopAfter(int limit) : limit_(limit) {}
-    bool cancelled() const override { return count_++ >= limit_; }
-
-private:
-    int limit_;
-    mutable int count_ = 0;
-};
 
 }  // namespace
 

@@ -3,15 +3,16 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/atomic_file.h"
 #include "core/parallel.h"
 #include "core/random.h"
 #include "tests/support/catch.h"
+#include "tests/support/stopped_training.h"
 #include "tests/support/temp_dir.h"
 #include "trainer/trainer.h"
-#include "vdb/model_file.h"
 
 using namespace nerfvdb;
+using test::modelBytes;
+using test::StopAfter;
 
 namespace {
 
@@ -51,25 +52,11 @@ TrainOptions longTraining() {
     return options;
 }
 
-class StopAfter : public Report {
-public:
-    explicit StopAfter(int limit) : limit_(limit) {}
-    bool cancelled() const override { return count_++ >= limit_; }
-
-private:
-    int limit_;
-    mutable int count_ = 0;
-};
-
 }  // namespace
 
 TEST_CASE("long trainings halve voxels near cameras: the same bytes on any number of threads, and when resumed") {
     const TempDir dir;
     const Dataset dataset = closeUps();
-    const auto bytesOf = [&](const TrainResult& result) {
-        saveModel(result.model, dir / "model.vdb");
-        return readFile(dir / "model.vdb");
-    };
     Report silent;
     const TrainResult straight = train(dataset, longTraining(), silent, {});
     REQUIRE(straight.model.field.shells().regions);
@@ -82,15 +69,15 @@ TEST_CASE("long trainings halve voxels near cameras: the same bytes on any numbe
     CHECK(halved > 100);
     CHECK(straight.undone_steps == 0);
 
-    const std::string bytes = bytesOf(straight);
+    const std::string bytes = modelBytes(straight, dir);
     {
         const ThreadLimit one_thread(1);
-        CHECK(bytesOf(train(dataset, longTraining(), silent, {})) == bytes);
+        CHECK(modelBytes(train(dataset, longTraining(), silent, {}), dir) == bytes);
     }
     for (const int steps : {150, 330}) {  // before cells are halved, and after
         StopAfter report(steps);
         REQUIRE(train(dataset, longTraining(), report, {}, dir / "a.ckpt").interrupted);
-        CHECK(bytesOf(train(dataset, longTraining(), silent, {}, dir / "a.ckpt", true)) == bytes);
+        CHECK(modelBytes(train(dataset, longTraining(), silent, {}, dir / "a.ckpt", true), dir) == bytes);
     }
 }
 
