@@ -279,15 +279,17 @@ void Training::replanForTime() {
     const double voxels = static_cast<double>(state_.field.topology().voxelCount());
     const double reserve = kSaveSeconds + kSaveSecondsPerVoxel * voxels;
     const double left = *options_.time_s - options_.elapsed_s - clock_.seconds() - reserve;
-    // The first rays, in fog, cost twice what later ones do: whether there is time for the finest voxels is asked again
-    // where voxels become small.
+    // The first rays, in fog, cost twice to five times what later ones do: how much of the time it takes to carve at 128 voxels
+    // is asked again where that begins, and whether there is time for the finest voxels where voxels become small.
     const bool enters_level = place_.stage == 0 || place_.stages[place_.stage - 1].level != stage().level;
-    if (place_.stage == 0 || (stage().level == kMaxLevels - 2 && enters_level)) {
+    if (enters_level && stage().level <= kMaxLevels - 2) {
         const auto raysAt = [&](int level) {
             return left * stage().batch * relativeRayCost(stage().level) / (step_seconds_ * relativeRayCost(level));
         };
-        const int levels = options_.voxel_size ? max_levels_ : levelsForRays(raysAt(kMaxLevels - 2), max_levels_);
-        if (place_.stage == 0 || levels > place_.stages.back().level + 1) {
+        const int planned = place_.stages.back().level + 1;
+        const int paid = options_.voxel_size ? max_levels_ : levelsForRays(raysAt(kMaxLevels - 2), max_levels_);
+        const int levels = place_.stage == 0 ? paid : stage().level == 1 ? planned : std::max(planned, paid);
+        if (stage().level < 2 || levels > planned) {
             std::vector<Stage> stages = defaultStages(levels, raysAt(levels - 1), carvedSpace());
             std::copy_n(place_.stages.begin(), place_.stage, stages.begin());
             place_.stages = std::move(stages);
@@ -295,6 +297,7 @@ void Training::replanForTime() {
     }
     if (carvesShells()) leaveTimeToCarve(place_.stages, step_seconds_, left);
     planTime(place_.stages, place_.stage, place_.step_in_stage, step_seconds_, left);
+    shareBySteps(place_.stages);  // losses and rates follow the same course as with these steps asked for
     report_.replan(totalSteps());
     report_.info("plan: " + scheduleText(place_.stages) + " steps");
 }
