@@ -239,6 +239,25 @@ fs::path namedMask(const JsonNode& frame, const fs::path& folder) {
     return folder / *relative;
 }
 
+/// What other programs write and read, and this one does not, is said once a file.
+void warnOfUnused(const JsonNode& list, const std::vector<ListedFrame>& frames, const fs::path& file,
+                  std::vector<std::string>& warnings) {
+    constexpr const char* kDepth = "not used: depth is learned from the photographs alone";
+    constexpr const char* kMoving = "not modelled: each photograph is taken to be of one moment, from its transform_matrix";
+    constexpr std::pair<const char*, const char*> kUnused[] = {{"depth_file_path", kDepth},  // nerfstudio
+                                                               {"depth_path", kDepth},       // instant-ngp
+                                                               {"rolling_shutter", kMoving},
+                                                               {"transform_matrix_start", kMoving}};
+    for (const auto& [key, what] : kUnused) {
+        const auto n = std::count_if(frames.begin(), frames.end(), [&, name = key](const ListedFrame& frame) {
+            return list.element(frame.index).has(name);
+        });
+        if (n > 0)
+            warnings.push_back(file.string() + ": " + key + " of " + std::to_string(n) + " of " +
+                               std::to_string(frames.size()) + " frames: " + what);
+    }
+}
+
 }  // namespace
 
 bool hasTransforms(const fs::path& path) {
@@ -273,6 +292,7 @@ Dataset readTransforms(const fs::path& path, Split split, bool strict, bool chec
                       std::to_string(list.arraySize()) + " listed)",
                   "at least one");
 
+    warnOfUnused(list, frames, source.file, dataset.warnings);
     for (const ListedFrame& frame : frames) {
         const ImageHeader image = readImageHeader(frame.image);
         dataset.has_alpha |= image.has_alpha;

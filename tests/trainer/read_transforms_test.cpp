@@ -103,6 +103,22 @@ TEST_CASE("a single file is sorted by name and every 8th existing frame is held 
     CHECK(readTransforms(scene.dir.path(), Split::train, false).views.size() == 7);
 }
 
+TEST_CASE("what other programs' frames say beyond this one's use is named once", "[trainer]") {
+    SceneFolder scene(9);
+    for (int i = 0; i < 9; ++i) scene.frame(i)["sharpness"] = 12.5;  // chosen by whoever wrote the file
+    scene.save();
+    CHECK(readTransforms(scene.dir.path(), Split::train, false).warnings.empty());
+
+    for (const int i : {1, 2, 3}) scene.frame(i)["depth_file_path"] = "depth/" + std::to_string(i) + ".png";
+    for (const int i : {4, 5}) scene.frame(i)["rolling_shutter"] = {0, 0, 0.01, 0};
+    scene.save();
+    const Dataset train = readTransforms(scene.dir.path(), Split::train, false);
+    REQUIRE(train.warnings.size() == 2);
+    CHECK_THAT(train.warnings[0], Contains("transforms.json: depth_file_path of 3 of 7 frames: not used"));
+    CHECK_THAT(train.warnings[1], Contains("rolling_shutter of 2 of 7 frames: not modelled"));
+    CHECK(readTransforms(scene.dir.path(), Split::test, false).warnings.empty());
+}
+
 TEST_CASE("a frame's own intrinsics go over the file's", "[trainer]") {
     SceneFolder scene(9);
     scene.document["k1"] = 0.01;
