@@ -147,8 +147,9 @@ TEST_CASE("the first 20 losses on the sphere are those that were pinned, on ever
 }
 
 TEST_CASE("gradients of the whole step, from voxels and network to the loss, agree with central differences") {
-    for (const auto& [behind, layered] : {std::pair{Behind::fixed, false}, {Behind::random, false}, {Behind::plain, false},
-                                          {Behind::fixed, true}}) {
+    for (const auto& [of_case, layered] : {std::pair{Behind::fixed, false}, {Behind::random, false}, {Behind::plain, false},
+                                           {Behind::fixed, true}}) {
+        const Behind behind = of_case;  // clang 14 captures no structured bindings
         CAPTURE(static_cast<int>(behind), layered);
         TrainState state = roughState(layered);
         state.background = Vec3f(0.9f, 0.4f, 0.1f);
