@@ -9,6 +9,8 @@
 #include <istream>
 #include <string_view>
 
+#include "core/png_chunks.h"
+
 namespace nerfvdb {
 namespace {
 
@@ -94,16 +96,8 @@ bool isSoundJpeg(std::istream& file) {
 
 /// Up to the pixels.
 bool isSoundPng(std::istream& file) {
-    constexpr std::streamoff kSignature = 8, kCheck = 4;
-    file.seekg(0, std::ios::end);
-    const std::streamoff size = file.tellg();
-    file.seekg(kSignature);
-    for (std::string head = take(file, 8); head.size() == 8 && !head.ends_with("IDAT"); head = take(file, 8)) {
-        const std::streamoff length = std::min<std::streamoff>(numberAt(head, 0, 4, true), size - file.tellg());
-        if (!head.ends_with("eXIf")) file.seekg(length, std::ios::cur);
-        else if (!isSoundExif(take(file, static_cast<std::size_t>(length)))) return false;
-        file.seekg(kCheck, std::ios::cur);
-    }
+    for (PngChunks chunks(file); chunks.next() && chunks.type() != "IDAT";)
+        if (chunks.type() == "eXIf" && !isSoundExif(chunks.data())) return false;
     return true;
 }
 

@@ -17,6 +17,7 @@
 #include "core/exif_header.h"
 #include "core/exr_header.h"
 #include "core/image_end.h"
+#include "core/png_chunks.h"
 
 namespace nerfvdb {
 namespace {
@@ -73,8 +74,9 @@ void checkBeginning(const fs::path& path) {
     const std::string_view bytes(first.data(), static_cast<std::size_t>(file.gcount()));
     if (!isKnownFormat(bytes))
         throwUndecodable(path, bytes.empty() ? "an empty file" : "a file that begins as no image of these kinds");
-    if (const std::string problem = isExr(bytes) ? exrHeaderProblem(file) : exifProblem(file); !problem.empty())
-        throwUndecodable(path, problem);
+    std::string problem = isExr(bytes) ? exrHeaderProblem(file) : pngChunkProblem(file);
+    if (problem.empty() && !isExr(bytes)) problem = exifProblem(file);
+    if (!problem.empty()) throwUndecodable(path, problem);
 }
 
 std::unique_ptr<ImageInput> openImage(const fs::path& path) {
