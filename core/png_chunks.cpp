@@ -49,10 +49,8 @@ std::string pngChunkProblem(std::istream& file) {
     // Chunks after the pixels are looked at where those are interlaced. There is no need to seek through all others.
     bool goes_on = false;
     for (PngChunks chunks(file); chunks.next();) {
-        if (chunks.type() == "IDAT") {
-            if (!goes_on) break;
-            continue;
-        }
+        if (chunks.type() == "IEND" || (chunks.type() == "IDAT" && !goes_on)) break;
+        if (chunks.type() == "IDAT") continue;
         if (chunks.length() > chunks.left())
             return "a chunk of " + std::to_string(chunks.length()) + " bytes where the file has " +
                    std::to_string(chunks.left()) + " left";

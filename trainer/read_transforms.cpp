@@ -239,23 +239,35 @@ fs::path namedMask(const JsonNode& frame, const fs::path& folder) {
     return folder / *relative;
 }
 
-/// What other programs write and read, and this one does not, is said once a file.
-void warnOfUnused(const JsonNode& list, const std::vector<ListedFrame>& frames, const fs::path& file,
+/// Whether a camera moves while the photograph is taken, as instant-ngp has it.
+bool isMoving(const JsonNode& node) {
+    if (node.has("transform_matrix_start") || node.has("transform_matrix_end")) return true;
+    if (!node.has("rolling_shutter")) return false;
+    const JsonNode shutter = node.at("rolling_shutter");
+    for (std::size_t i = 0; i < shutter.arraySize(); ++i)
+        if (shutter.element(i).number() != 0) return true;
+    return false;
+}
+
+/// What other programs write, and this one does not use, is said where it is to be learned from.
+void warnOfUnused(const JsonNode& document, const std::vector<ListedFrame>& frames, const fs::path& file,
                   std::vector<std::string>& warnings) {
-    constexpr const char* kDepth = "not used: depth is learned from the photographs alone";
-    constexpr const char* kMoving = "not modelled: each photograph is taken to be of one moment, from its transform_matrix";
-    constexpr std::pair<const char*, const char*> kUnused[] = {{"depth_file_path", kDepth},  // nerfstudio
-                                                               {"depth_path", kDepth},       // instant-ngp
-                                                               {"rolling_shutter", kMoving},
-                                                               {"transform_matrix_start", kMoving}};
-    for (const auto& [key, what] : kUnused) {
-        const auto n = std::count_if(frames.begin(), frames.end(), [&, name = key](const ListedFrame& frame) {
-            return list.element(frame.index).has(name);
-        });
+    const JsonNode list = document.at("frames");
+    const auto count = [&](const auto& has) {
+        return std::count_if(frames.begin(), frames.end(),
+                             [&](const ListedFrame& frame) { return has(list.element(frame.index)); });
+    };
+    const auto warn = [&](std::ptrdiff_t n, const std::string& what) {
         if (n > 0)
-            warnings.push_back(file.string() + ": " + key + " of " + std::to_string(n) + " of " +
-                               std::to_string(frames.size()) + " frames: " + what);
-    }
+            warnings.push_back(file.string() + ": " + std::to_string(n) + " of " + std::to_string(frames.size()) + " frames " +
+                               what);
+    };
+    warn(count([](const JsonNode& frame) { return frame.has("depth_file_path") || frame.has("depth_path"); }),
+         "name depth maps, which are not used: depth is learned from the photographs alone");
+    const bool all_move = isMoving(document);
+    warn(count([&](const JsonNode& frame) { return all_move || isMoving(frame); }),
+         "were taken by a moving camera (rolling_shutter, transform_matrix_start or _end), which is not modelled: each is taken to "
+         "be of one moment, from its transform_matrix");
 }
 
 }  // namespace
@@ -292,7 +304,7 @@ Dataset readTransforms(const fs::path& path, Split split, bool strict, bool chec
                       std::to_string(list.arraySize()) + " listed)",
                   "at least one");
 
-    warnOfUnused(list, frames, source.file, dataset.warnings);
+    if (split == Split::train) warnOfUnused(document, frames, source.file, dataset.warnings);
     for (const ListedFrame& frame : frames) {
         const ImageHeader image = readImageHeader(frame.image);
         dataset.has_alpha |= image.has_alpha;

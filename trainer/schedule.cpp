@@ -72,7 +72,6 @@ std::vector<Stage> plannedStages(std::int64_t total, int levels, double space) {
     planSteps(stages, total);
     stages = defaultStages(levels, raysOf(stages), space);
     planSteps(stages, total);
-    shareBySteps(stages);
     return stages;
 }
 
@@ -92,7 +91,6 @@ std::vector<Stage> stagesOfLevels(std::int64_t total, int levels, double space) 
               })->steps;
             stage.steps = 1;
         }
-    shareBySteps(stages);
     return stages;
 }
 
@@ -103,30 +101,24 @@ std::vector<Stage> stagesForSteps(std::int64_t total, int max_levels, double spa
     }
 }
 
-void shareBySteps(std::vector<Stage>& stages) {
-    double total = 0;
-    for (Stage& stage : stages) {
-        stage.share = static_cast<double>(stage.steps) * stage.batch * relativeRayCost(stage.level);
-        total += stage.share;
-    }
-    for (Stage& stage : stages) stage.share /= total;
-}
-
 double raysOf(const std::vector<Stage>& stages) {
     double rays = 0;
     for (const Stage& stage : stages) rays += static_cast<double>(stage.steps) * stage.batch;
     return rays;
 }
 
-void planTime(std::vector<Stage>& stages, std::size_t first, std::int64_t done, double step_seconds,
-              double seconds) {
+void planTime(std::vector<Stage>& stages, std::size_t first, std::int64_t done, double step_seconds, double seconds) {
     const auto cost = [](const Stage& stage) { return stage.batch * relativeRayCost(stage.level); };
     double shares = 0;
     for (std::size_t s = first; s < stages.size(); ++s) shares += stages[s].share;
+    double left = std::max(0.0, seconds) + static_cast<double>(done) * step_seconds;
     for (std::size_t s = first; s < stages.size(); ++s) {
+        const std::int64_t over = s == first ? done : 0;
         const double stage_step_seconds = step_seconds * cost(stages[s]) / cost(stages[first]);
-        const double steps = std::max(0.0, seconds) * stages[s].share / shares / stage_step_seconds;
-        stages[s].steps = std::max<std::int64_t>(1, std::llround(steps)) + (s == first ? done : 0);
+        const double steps = left * stages[s].share / shares / stage_step_seconds;
+        stages[s].steps = std::max({std::int64_t{1}, over, static_cast<std::int64_t>(std::llround(steps))});
+        left = std::max(0.0, left - static_cast<double>(stages[s].steps) * stage_step_seconds);
+        shares -= stages[s].share;
     }
 }
 
@@ -150,11 +142,13 @@ std::string scheduleText(const std::vector<Stage>& stages) {
 }
 
 double progressAt(const std::vector<Stage>& stages, std::size_t stage, std::int64_t step_in_stage) {
-    double done = 0;
-    for (std::size_t s = 0; s < stage; ++s) done += stages[s].share;
-    if (stage < stages.size() && stages[stage].steps > 0)
-        done += stages[stage].share * static_cast<double>(step_in_stage) / static_cast<double>(stages[stage].steps);
-    return std::min(done, 1.0);
+    double done = 0, total = 0;
+    for (std::size_t s = 0; s < stages.size(); ++s) {
+        const double step = stages[s].batch * relativeRayCost(stages[s].level);
+        total += static_cast<double>(stages[s].steps) * step;
+        if (s <= stage) done += static_cast<double>(s < stage ? stages[s].steps : step_in_stage) * step;
+    }
+    return total > 0 ? std::min(done / total, 1.0) : 0;
 }
 
 double rateFactor(double progress) {

@@ -13,7 +13,7 @@ namespace nerfvdb {
 struct Stage {
     int level = 0;            // 0: kCoarsestResolution voxels along the longest side; each level doubles it
     int batch = 0;            // rays a step
-    double share = 0;         // of the training time
+    double share = 0;         // of the training time, wished for: what steps are planned by
     std::int64_t steps = 0;   // 0 until planned
 };
 
@@ -39,8 +39,9 @@ std::vector<Stage> stagesOfLevels(std::int64_t total, int levels, double space =
 /// ray of a typical scene.
 void planSteps(std::vector<Stage>& stages, std::int64_t total);
 
-/// Fills in the steps of stages `first` and later so that they take `seconds`, in proportion to their shares, when a
-/// step of stage `first` takes `step_seconds`; at least one step each. `done` steps of it are over already.
+/// Fills in the steps of stages `first` and later so that those that are left take `seconds`, in proportion to their
+/// shares, when a step of stage `first` takes `step_seconds`; at least one step each. `done` steps of it are over
+/// already, and a part of its share.
 void planTime(std::vector<Stage>& stages, std::size_t first, std::int64_t done, double step_seconds, double seconds);
 
 /// Raises the share of the first stage, at the others' cost, so that a thousand steps of `step_seconds` fit into it, but to a
@@ -51,16 +52,15 @@ void leaveTimeToCarve(std::vector<Stage>& stages, double step_seconds, double se
 /// Relative cost of a ray at a level, 1 at level 0; measured on several scenes.
 double relativeRayCost(int level);
 
-/// Sets the shares to what the steps cost of the whole: stages whose steps were chosen by hand.
-void shareBySteps(std::vector<Stage>& stages);
-
 /// Rays that all stages draw.
 double raysOf(const std::vector<Stage>& stages);
 
 /// "120,300,900,2400,2400"
 std::string scheduleText(const std::vector<Stage>& stages);
 
-/// Fraction of the training done after `step_in_stage` steps of stage `stage`, [0, 1]: shares, not steps.
+/// Fraction of the training done after `step_in_stage` steps of stage `stage`, [0, 1]: of the work that its steps are by the
+/// cost model, so that losses and rates follow one course whether steps were asked for or planned for a time. Where a new plan
+/// has more steps than the last, it falls.
 double progressAt(const std::vector<Stage>& stages, std::size_t stage, std::int64_t step_in_stage);
 
 /// What learning rates are multiplied with at this progress: 1 for most of the time, then falling exponentially.

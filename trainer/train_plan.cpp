@@ -27,7 +27,6 @@ PresetPlan planOf(Preset preset) {
 std::vector<Stage> stagesFromSteps(const std::vector<std::int64_t>& steps) {
     std::vector<Stage> stages = defaultStages(static_cast<int>(steps.size()) - 1, /*rays=*/1);
     for (std::size_t s = 0; s < steps.size(); ++s) stages[s].steps = steps[s];
-    shareBySteps(stages);
     return stages;
 }
 

@@ -288,7 +288,8 @@ void Training::replanForTime() {
         };
         const int planned = place_.stages.back().level + 1;
         const int paid = options_.voxel_size ? max_levels_ : levelsForRays(raysAt(kMaxLevels - 2), max_levels_);
-        const int levels = place_.stage == 0 ? paid : stage().level == 1 ? planned : std::max(planned, paid);
+        const int most = stage().level == 1 ? kMaxLevels - 1 : kMaxLevels;  // to be added
+        const int levels = place_.stage == 0 ? paid : std::max(planned, std::min(paid, most));
         if (stage().level < 2 || levels > planned) {
             std::vector<Stage> stages = defaultStages(levels, raysAt(levels - 1), carvedSpace());
             std::copy_n(place_.stages.begin(), place_.stage, stages.begin());
@@ -297,7 +298,6 @@ void Training::replanForTime() {
     }
     if (carvesShells()) leaveTimeToCarve(place_.stages, step_seconds_, left);
     planTime(place_.stages, place_.stage, place_.step_in_stage, step_seconds_, left);
-    shareBySteps(place_.stages);  // losses and rates follow the same course as with these steps asked for
     report_.replan(totalSteps());
     report_.info("plan: " + scheduleText(place_.stages) + " steps");
 }

@@ -61,6 +61,7 @@ TEST_CASE("a chunk that is longer than the file is refused, and one of pixels is
         const std::string begin = kSignature + header(is_interlaced), text = chunk("tEXt", "by hand");
         CAPTURE(is_interlaced);
         CHECK(problemOf(begin + text + chunk("IDAT", "pixels") + text + end).empty());
+        CHECK(problemOf(begin + chunk("IDAT", "pixels") + end + "what some cameras append, such as a film").empty());
         CHECK(problemOf(begin + chunk("IDAT", "pixels", kTwoGigabytes)).empty());
         CHECK(problemOf(begin + chunk("tEXt", "by hand", kTwoGigabytes)) ==
               "a chunk of 2147483647 bytes where the file has 11 left");

@@ -103,20 +103,28 @@ TEST_CASE("a single file is sorted by name and every 8th existing frame is held 
     CHECK(readTransforms(scene.dir.path(), Split::train, false).views.size() == 7);
 }
 
-TEST_CASE("what other programs' frames say beyond this one's use is named once", "[trainer]") {
+TEST_CASE("depth maps and cameras that move are named once, where photographs are learned from", "[trainer]") {
     SceneFolder scene(9);
-    for (int i = 0; i < 9; ++i) scene.frame(i)["sharpness"] = 12.5;  // chosen by whoever wrote the file
+    for (int i = 0; i < 9; ++i) {
+        scene.frame(i)["sharpness"] = 12.5;  // chosen by whoever wrote the file
+        scene.frame(i)["rolling_shutter"] = {0, 0, 0, 0};
+    }
     scene.save();
     CHECK(readTransforms(scene.dir.path(), Split::train, false).warnings.empty());
 
     for (const int i : {1, 2, 3}) scene.frame(i)["depth_file_path"] = "depth/" + std::to_string(i) + ".png";
-    for (const int i : {4, 5}) scene.frame(i)["rolling_shutter"] = {0, 0, 0.01, 0};
+    scene.frame(4)["rolling_shutter"] = {0, 0, 0.01, 0};
+    scene.frame(5)["transform_matrix_end"] = scene.frame(5)["transform_matrix"];
     scene.save();
     const Dataset train = readTransforms(scene.dir.path(), Split::train, false);
     REQUIRE(train.warnings.size() == 2);
-    CHECK_THAT(train.warnings[0], Contains("transforms.json: depth_file_path of 3 of 7 frames: not used"));
-    CHECK_THAT(train.warnings[1], Contains("rolling_shutter of 2 of 7 frames: not modelled"));
+    CHECK_THAT(train.warnings[0], Contains("transforms.json: 3 of 7 frames name depth maps"));
+    CHECK_THAT(train.warnings[1], Contains("2 of 7 frames were taken by a moving camera"));
     CHECK(readTransforms(scene.dir.path(), Split::test, false).warnings.empty());
+
+    scene.document["rolling_shutter"] = {0, 0, 0.01, 0};
+    scene.save();
+    CHECK_THAT(readTransforms(scene.dir.path(), Split::train, false).warnings.back(), Contains("7 of 7 frames were taken"));
 }
 
 TEST_CASE("a frame's own intrinsics go over the file's", "[trainer]") {

@@ -76,8 +76,9 @@ TEST_CASE("the steps of a plan, given by hand, are the same plan") {
         const std::vector<Stage> planned = stagesForSteps(total, kMaxLevels);
         std::vector<Stage> by_hand = defaultStages(planned.back().level + 1, 1);
         for (std::size_t s = 0; s < planned.size(); ++s) by_hand[s].steps = planned[s].steps;
-        shareBySteps(by_hand);
-        for (std::size_t s = 0; s < planned.size(); ++s) CHECK(by_hand[s].share == planned[s].share);
+        for (std::size_t s = 0; s < planned.size(); ++s)
+            for (const std::int64_t step : {std::int64_t{0}, planned[s].steps / 2, planned[s].steps})
+                CHECK(progressAt(by_hand, s, step) == progressAt(planned, s, step));
     }
 }
 
@@ -124,23 +125,38 @@ TEST_CASE("steps planned for a time take that time by the cost model") {
     }
 }
 
-TEST_CASE("without time left each stage still gets a step, after those that are done") {
+TEST_CASE("without time left a stage ends, and each later one still gets a step") {
     std::vector<Stage> stages = defaultStages(3, 1e7);
     planTime(stages, 1, 40, 0.01, -3);
-    CHECK(stages[1].steps == 41);
+    CHECK(stages[1].steps == 40);
     CHECK(stages[2].steps == 1);
     CHECK(stages[3].steps == 1);
 }
 
+TEST_CASE("planned anew at the same cost, a stage has the steps that it had, however few were planned") {
+    for (const double seconds : {1.0, 20.0, 600.0}) {
+        std::vector<Stage> stages = defaultStages(7, 1e7);
+        const double step_seconds = 0.01;
+        planTime(stages, 2, 0, step_seconds, seconds);
+        const std::int64_t planned = stages[2].steps;
+        for (std::int64_t done = 1; done <= std::min<std::int64_t>(planned, 40); ++done) {
+            CAPTURE(seconds, done);
+            planTime(stages, 2, done, step_seconds, seconds - static_cast<double>(done) * step_seconds);
+            CHECK(std::abs(stages[2].steps - planned) <= 1);
+        }
+    }
+}
+
 TEST_CASE("progress runs from 0 to 1 without a step back or a leap") {
     std::vector<Stage> stages = stagesForSteps(4500, kMaxLevels);
-    double last = 0;
+    double last = 0, work = 0;
+    for (const Stage& stage : stages) work += static_cast<double>(stage.steps) * stepCost(stage);
     CHECK(progressAt(stages, 0, 0) == 0);
     for (std::size_t s = 0; s < stages.size(); ++s)
         for (std::int64_t step = 0; step <= stages[s].steps; ++step) {
             const double progress = progressAt(stages, s, step);
             CHECK(progress >= last - 1e-12);
-            CHECK(progress <= last + stages[s].share / static_cast<double>(stages[s].steps) + 1e-12);
+            CHECK(progress <= last + stepCost(stages[s]) / work + 1e-12);
             last = progress;
         }
     CHECK(last == Approx(1));
