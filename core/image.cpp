@@ -75,7 +75,7 @@ void checkBeginning(const fs::path& path) {
     if (!isKnownFormat(bytes))
         throwUndecodable(path, bytes.empty() ? "an empty file" : "a file that begins as no image of these kinds");
     std::string problem = isExr(bytes) ? exrHeaderProblem(file) : pngChunkProblem(file);
-    if (problem.empty() && !isExr(bytes)) problem = exifProblem(file);
+    if (problem.empty()) problem = exifProblem(file);
     if (!problem.empty()) throwUndecodable(path, problem);
 }
 
