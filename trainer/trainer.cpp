@@ -279,10 +279,12 @@ void Training::replanForTime() {
     const double voxels = static_cast<double>(state_.field.topology().voxelCount());
     const double reserve = kSaveSeconds + kSaveSecondsPerVoxel * voxels;
     const double left = *options_.time_s - options_.elapsed_s - clock_.seconds() - reserve;
-    // The first rays, in fog, cost twice to five times what later ones do: how much of the time it takes to carve at 128 voxels
-    // is asked again where that begins, and whether there is time for the finest voxels where voxels become small.
+    // The first rays, in fog, cost twice what later ones do: whether there is time for the finest voxels is asked again where
+    // voxels become small. In an open scene they cost five times that, and how long to carve at 128 voxels is asked again where
+    // that begins. In a box the time that it gets by the first answer is well spent (docs/quality.md, "Time to carve").
     const bool enters_level = place_.stage == 0 || place_.stages[place_.stage - 1].level != stage().level;
-    if (enters_level && stage().level <= kMaxLevels - 2) {
+    const bool is_open = state_.field.shells().count > 1;
+    if (place_.stage == 0 || (enters_level && (stage().level == kMaxLevels - 2 || (is_open && stage().level == 1)))) {
         const auto raysAt = [&](int level) {
             return left * stage().batch * relativeRayCost(stage().level) / (step_seconds_ * relativeRayCost(level));
         };
