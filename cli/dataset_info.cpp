@@ -19,11 +19,24 @@
 namespace nerfvdb {
 namespace {
 
+/// Whether a photograph whose header has a channel for alpha is transparent somewhere; mostly the first is. A damaged one may be.
+bool showAlpha(const Dataset& dataset) {
+    return std::any_of(dataset.views.begin(), dataset.views.end(), [](const View& view) {
+        try {
+            return readPhoto(view.path).has_alpha;
+        } catch (const Error&) {
+            return true;
+        }
+    });
+}
+
 /// Reads the split without pictures; an absent one gives nothing, unless it is the one that training needs.
 std::optional<Dataset> readSplit(const std::filesystem::path& path, Split split) {
     Report silent;  // warnings are part of the answer here
     try {
-        return readDataset(path, split, {.strict = false, .load_photos = false, .check_poses = false}, silent);
+        Dataset dataset = readDataset(path, split, {.strict = false, .load_photos = false, .check_poses = false}, silent);
+        dataset.has_alpha = dataset.has_alpha && showAlpha(dataset);
+        return dataset;
     } catch (const Error&) {
         if (split == Split::train) throw;
         return std::nullopt;
@@ -70,13 +83,17 @@ void describeSplit(const char* name, const Dataset& dataset, Description& out) {
     const Camera& first = dataset.views.front().camera;
     const bool is_distorted = std::any_of(dataset.views.begin(), dataset.views.end(),
                                           [](const View& view) { return !view.camera.distortion.isZero(); });
+    const auto n_masks = std::count_if(dataset.views.begin(), dataset.views.end(),
+                                       [](const View& view) { return !view.mask_path.empty(); });
     out.json["splits"][name] = {{"views", dataset.views.size()},  {"sizes", sizesJson(report.sizes)},
                                 {"width", first.width},           {"height", first.height},
                                 {"lenses", report.lenses},        {"focal_length", first.fx},
                                 {"alpha", dataset.has_alpha},     {"distorted", is_distorted},
+                                {"masks", n_masks},
                                 {"camera_bounds", boxJson(report.camera_bounds)}};
-    out.text += formatted("%s: %s views%s%s, %s, focal length %.1f pixels\n    cameras in %s\n", name,
+    out.text += formatted("%s: %s views%s%s%s, %s, focal length %.1f pixels\n    cameras in %s\n", name,
                           sizesText(report.sizes).c_str(), dataset.has_alpha ? ", alpha" : "",
+                          n_masks > 0 ? formatted(", %td with masks", n_masks).c_str() : "",
                           is_distorted ? ", lens distortion" : "",
                           report.lenses == 1 ? "one lens" : formatted("%zu lenses", report.lenses).c_str(), first.fx,
                           boxText(report.camera_bounds).c_str());
@@ -149,8 +166,12 @@ Json vectorJson(const Vec3d& v) { return {v.x(), v.y(), v.z()}; }
 Json boxJson(const Box& box) { return {{"min", vectorJson(box.min)}, {"max", vectorJson(box.max)}}; }
 
 std::string boxText(const Box& box) {
-    return formatted("[%.4g, %.4g, %.4g] to [%.4g, %.4g, %.4g]", box.min.x(), box.min.y(), box.min.z(), box.max.x(),
-                     box.max.y(), box.max.z());
+    // Four digits of its size, however far away it is.
+    const double farthest = box.min.cwiseAbs().cwiseMax(box.max.cwiseAbs()).maxCoeff(), size = box.size().maxCoeff();
+    const int more = farthest > size && size > 0 ? static_cast<int>(std::min(12.0, std::log10(farthest / size))) : 0;
+    const int n = 4 + more;
+    return formatted("[%.*g, %.*g, %.*g] to [%.*g, %.*g, %.*g]", n, box.min.x(), n, box.min.y(), n, box.min.z(), n, box.max.x(),
+                     n, box.max.y(), n, box.max.z());
 }
 
 Description describeDataset(const std::filesystem::path& path, const std::filesystem::path& plot_path) {

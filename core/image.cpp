@@ -220,7 +220,6 @@ Photo readPhoto(const fs::path& path) {
     Photo photo;
     photo.width = spec.width;
     photo.height = spec.height;
-    photo.has_alpha = channels.alpha >= 0;
     photo.pixels.resize(static_cast<std::size_t>(spec.width) * spec.height);
 
     // Floating point says linear light; integers say encoded.
@@ -231,6 +230,7 @@ Photo readPhoto(const fs::path& path) {
     } else {
         photoFromBytes(decode<std::uint8_t>(path, *input, TypeDesc::UINT8), spec.nchannels, channels, photo);
     }
+    photo.has_alpha = std::any_of(photo.pixels.begin(), photo.pixels.end(), [](const Photo::Pixel& p) { return p[3] < 255; });
     return photo;
 }
 

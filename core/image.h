@@ -32,7 +32,7 @@ struct Photo {
     static constexpr int kTile = 8;  // pixels along the side of a tile
 
     int width = 0, height = 0;
-    bool has_alpha = false;              // false: every alpha is 255
+    bool has_alpha = false;              // of some pixel less than 255
     std::vector<Pixel> pixels;           // rows from the top; empty where they are ...
     std::shared_ptr<const Pixel> tiles;  // ... in a PhotoCache, tile by tile, where neighbours share a page
 
@@ -56,7 +56,7 @@ Photo readPhoto(const std::filesystem::path& path);
 /// What a picture says of itself before its pixels.
 struct ImageHeader {
     int width = 0, height = 0;
-    bool has_alpha = false;
+    bool has_alpha = false;  // a channel for it, which may say that all is opaque
 };
 
 /// The header alone, without decoding. Throws as readPhoto.

@@ -17,7 +17,8 @@ namespace {
 
 constexpr double kFlat = 0.02;           // of the longest axis: what is shorter counts for nothing
 constexpr double kSameRotation = 1e-6;   // poses are printed with six digits or more
-constexpr double kSamePosition = 1e-6;   // of the largest coordinate
+constexpr double kSamePosition = 1e-6;   // of the cameras' extent
+constexpr double kRounding = 1e-12;      // of the largest coordinate: a double's, through a rotation or two
 constexpr std::size_t kNamesTold = 3;
 constexpr std::size_t kFewViews = 20;
 constexpr double kParallel_deg = 2;      // where commonFocus gives up
@@ -83,7 +84,7 @@ void measurePositions(const Views& views, CaptureReport& report) {
     const Vec3d variances = Eigen::SelfAdjointEigenSolver<Mat3d>(covariance).eigenvalues();  // the smallest first
     report.position_spread = variances.reverse().cwiseMax(0).cwiseSqrt();
     const double longest = report.position_spread[0];
-    const double rounding = kSamePosition * box.min.cwiseAbs().cwiseMax(box.max.cwiseAbs()).maxCoeff();
+    const double rounding = kRounding * box.min.cwiseAbs().cwiseMax(box.max.cwiseAbs()).maxCoeff();
     if (longest <= rounding) return;
     report.position_rank = 1;
     for (int axis = 1; axis < 3; ++axis) report.position_rank += report.position_spread[axis] > kFlat * longest;
@@ -148,9 +149,9 @@ void findLonely(const Views& views, CaptureReport& report) {
 }
 
 void findDuplicates(const Views& views, CaptureReport& report) {
-    const double tolerance =
-        kSamePosition *
-        report.camera_bounds.min.cwiseAbs().cwiseMax(report.camera_bounds.max.cwiseAbs()).maxCoeff();
+    const Box& box = report.camera_bounds;
+    const double tolerance = std::max(kSamePosition * box.size().maxCoeff(),
+                                      kRounding * box.min.cwiseAbs().cwiseMax(box.max.cwiseAbs()).maxCoeff());
     std::vector<std::size_t> order(views.size());  // along x: equal positions stand near each other
     std::iota(order.begin(), order.end(), 0);
     std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {

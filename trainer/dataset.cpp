@@ -37,18 +37,75 @@ void checkPositionsDiffer(const Dataset& dataset) {
                         "check the poses (in a transform_matrix, the last column)");
 }
 
+/// A camera far from all others makes the scene as large as its distance: mostly a pose that is wrong.
+void warnOfStrays(Dataset& dataset) {
+    constexpr double kFar = 100;  // of the median distance from the median place
+    constexpr std::size_t kFewest = 5;
+    std::vector<Vec3d> places;
+    for (const View& view : dataset.views)
+        if (view.camera.position.allFinite()) places.push_back(view.camera.position);
+    if (places.size() < kFewest) return;
+    const auto median = [](std::vector<double> values) {
+        const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+        std::nth_element(values.begin(), middle, values.end());
+        return *middle;
+    };
+    Vec3d middle;
+    for (int axis = 0; axis < 3; ++axis) {
+        std::vector<double> along;
+        for (const Vec3d& place : places) along.push_back(place[axis]);
+        middle[axis] = median(along);
+    }
+    std::vector<double> distances;
+    for (const Vec3d& place : places) distances.push_back((place - middle).norm());
+    const double usual = median(distances);
+    const auto isStray = [&](const View& view) { return (view.camera.position - middle).norm() > kFar * usual; };
+    const auto first = std::find_if(dataset.views.begin(), dataset.views.end(), isStray);
+    if (usual <= 0 || first == dataset.views.end()) return;
+    char times[32];
+    std::snprintf(times, sizeof times, "%.0f", (first->camera.position - middle).norm() / usual);
+    dataset.warnings.push_back(dataset.root.string() + ": " +
+                               std::to_string(std::count_if(dataset.views.begin(), dataset.views.end(), isStray)) + " of " +
+                               std::to_string(dataset.views.size()) + " cameras stand far from all others (first: " +
+                               first->path.string() + ", " + times +
+                               " times as far from the middle as most): where a pose is wrong, leave it out");
+}
+
+/// Finds the masks that the data set does not name.
+void findMasks(Dataset& dataset, const std::filesystem::path& folder) {
+    for (View& view : dataset.views)
+        if (view.mask_path.empty()) view.mask_path = findMask(view.path, folder);
+    const auto hasMask = [](const View& view) { return !view.mask_path.empty(); };
+    if (std::filesystem::is_directory(folder / "masks") && std::none_of(dataset.views.begin(), dataset.views.end(), hasMask))
+        dataset.warnings.push_back((folder / "masks").string() +
+                                   ": no mask has the name of a photograph, as NAME.png or NAME.jpg.png; all pixels count");
+}
+
 /// Returns whether the mask had another size.
-bool loadMask(View& view, const std::filesystem::path& folder, int downscale) {
-    if (view.mask_path.empty()) view.mask_path = findMask(view.path, folder);
-    if (view.mask_path.empty()) return false;
+bool loadMask(View& view, const DatasetOptions& options) {
     bool was_scaled = false;
-    view.mask = readMask(view.mask_path, view.photo.width, view.photo.height, was_scaled);
-    if (downscale > 1) view.mask = downscaled(view.mask, downscale);
+    if (!view.mask_path.empty()) view.mask = readMask(view.mask_path, view.photo.width, view.photo.height, was_scaled);
+    if (options.alpha_masks) maskByAlpha(view.photo, view.mask, view.path);
+    if (view.mask.empty() || options.downscale == 1) return was_scaled;
+    view.mask = downscaled(view.mask, options.downscale);
     if (view.mask.count() == 0)
-        throw DataError(view.mask_path.string(), "a mask that hides every block of " + std::to_string(downscale) + "x" +
-                                                     std::to_string(downscale) + " pixels",
+        throw DataError((view.mask_path.empty() ? view.path : view.mask_path).string(),
+                        "a mask that hides every block of " + std::to_string(options.downscale) + "x" +
+                            std::to_string(options.downscale) + " pixels",
                         "a block that counts as a whole", "use a smaller --downscale, or --no-masks");
     return was_scaled;
+}
+
+/// What pixels say of alpha, where headers said only that there is a channel for it.
+void tellOfAlpha(Dataset& dataset, Report& report) {
+    const auto n = std::count_if(dataset.views.begin(), dataset.views.end(), [](const View& v) { return v.photo.has_alpha; });
+    dataset.has_alpha = n > 0;
+    if (n == 0 || n == std::ssize(dataset.views)) return;
+    dataset.warnings.push_back(dataset.root.string() + ": " + std::to_string(n) + " of " +
+                               std::to_string(dataset.views.size()) +
+                               " photographs are transparent somewhere: the scene is taken for an object before nothing, and the "
+                               "others show it everywhere; where alpha hides what is not to be learned, use --alpha-masks");
+    report.warn(dataset.warnings.back());
 }
 
 void downscaleCameras(Dataset& dataset, int n) {
@@ -99,8 +156,6 @@ void loadPhotos(Dataset& dataset, const DatasetOptions& options, Report& report)
     const std::size_t n = dataset.views.size();
     const std::unique_ptr<PhotoCache> cache = cacheFor(dataset, options, report);
     const std::size_t block = (cache ? 1 : 8) * static_cast<std::size_t>(threadCount());
-    const std::filesystem::path folder =
-        std::filesystem::is_directory(dataset.root) ? dataset.root : dataset.root.parent_path();
     std::vector<std::uint8_t> was_scaled(n, 0);
     report.begin("read images", static_cast<std::int64_t>(n));
     for (std::size_t begin = 0; begin < n; begin += block) {
@@ -111,7 +166,7 @@ void loadPhotos(Dataset& dataset, const DatasetOptions& options, Report& report)
             View& view = dataset.views[begin + i];
             try {
                 view.photo = readPhoto(view.path);
-                if (options.use_masks) was_scaled[begin + i] = loadMask(view, folder, options.downscale);
+                was_scaled[begin + i] = loadMask(view, options);
                 if (options.downscale > 1) view.photo = downscaled(view.photo, options.downscale);
                 if (cache) view.photo = cache->add(view.photo);
             } catch (...) {
@@ -123,6 +178,7 @@ void loadPhotos(Dataset& dataset, const DatasetOptions& options, Report& report)
         report.update(static_cast<std::int64_t>(end), "");
     }
     report.end();
+    tellOfAlpha(dataset, report);
     tellOfMasks(dataset, was_scaled, report);
 }
 
@@ -144,6 +200,8 @@ Dataset readFrames(const std::filesystem::path& path, Split split, const Dataset
 Dataset readDataset(const std::filesystem::path& path, Split split, const DatasetOptions& options,
                     Report& report) {
     Dataset dataset = readFrames(path, split, options);
+    if (options.use_masks) findMasks(dataset, std::filesystem::is_directory(path) ? path : path.parent_path());
+    if (split == Split::train) warnOfStrays(dataset);
     for (const std::string& warning : dataset.warnings) report.warn(warning);
     if (options.choose) std::erase_if(dataset.views, [&](const View& view) { return !options.choose(view.camera); });
     if (split == Split::train && options.check_poses) checkPositionsDiffer(dataset);

@@ -38,7 +38,7 @@ enum class Split { train, val, test };
 struct Dataset {
     std::filesystem::path root;           // as the user named it
     std::vector<View> views;
-    bool has_alpha = false;               // any image's header says so
+    bool has_alpha = false;               // of any photo; without photos: any image's header has a channel for it
     std::optional<double> aabb_scale;     // as in the file (instant-ngp); see sceneBoxFromAabbScale
     std::vector<Vec3d> points;            // sparse, of what at least two photographs show; world units (COLMAP)
     std::vector<std::string> warnings;    // for a person, also sent to the Report
@@ -49,6 +49,7 @@ struct DatasetOptions {
     bool load_photos = true;  // false: cameras only (info, render)
     bool check_poses = true;  // false: cameras come as they are written, also unusable ones (info)
     bool use_masks = true;    // with the photos
+    bool alpha_masks = false; // what alpha says shows nothing of the scene does not count instead
     int downscale = 1;        // photos, masks and cameras of 1/N of the width and height; see downscale.h
     std::optional<std::size_t> max_photo_bytes = {};  // photos that take more are kept in a PhotoCache ...
     std::filesystem::path cache_folder = {};           // ... there

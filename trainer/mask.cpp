@@ -6,7 +6,6 @@
 #include <set>
 
 #include "core/error.h"
-#include "core/image.h"
 
 namespace nerfvdb {
 namespace {
@@ -74,6 +73,22 @@ PixelMask readMask(const fs::path& path, int width, int height, bool& was_scaled
                         "white where pixels count, black where they do not",
                         "leave out the photograph, correct the mask, or use --no-masks");
     return mask;
+}
+
+void maskByAlpha(Photo& photo, PixelMask& mask, const fs::path& path) {
+    if (!photo.has_alpha) return;
+    PixelMask both(photo.width, photo.height);
+    for (int y = 0; y < photo.height; ++y)
+        for (int x = 0; x < photo.width; ++x) {
+            std::uint8_t& alpha = photo.pixels[static_cast<std::size_t>(y) * photo.width + x][3];
+            if (alpha >= kCounts && mask.counts(x, y)) both.keep(x, y);
+            alpha = 255;
+        }
+    photo.has_alpha = false;
+    if (both.count() == 0)
+        throw DataError(path.string(), "alpha that, as a mask, leaves no pixel", "pixels that are half opaque and more",
+                        "leave out the photograph, or --alpha-masks");
+    mask = std::move(both);
 }
 
 }  // namespace nerfvdb

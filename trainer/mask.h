@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <string>
 
+#include "core/image.h"
 #include "core/pixel_mask.h"
 
 namespace nerfvdb {
@@ -18,5 +19,9 @@ std::filesystem::path findMask(const std::filesystem::path& image, const std::fi
 /// same aspect is scaled, each pixel taking the nearest one's word; `was_scaled` tells.
 /// Throws as readImage; DataError for a mask of another aspect and for one that leaves no pixel.
 PixelMask readMask(const std::filesystem::path& path, int width, int height, bool& was_scaled);
+
+/// Alpha taken for a mask: pixels that are more than half transparent do not count, nor those that `mask` leaves out already;
+/// the photograph is opaque afterwards. `path` names it. Throws DataError when no pixel is left.
+void maskByAlpha(Photo& photo, PixelMask& mask, const std::filesystem::path& path);
 
 }  // namespace nerfvdb

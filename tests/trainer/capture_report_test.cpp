@@ -75,6 +75,16 @@ TEST_CASE("positions on a plane, on a line, in a point have fewer dimensions", "
     CHECK(warns(reportCapture(point), "all cameras stand in one point"));
 }
 
+TEST_CASE("far from home a capture is described as at home", "[trainer]") {
+    std::vector<CaptureView> views = ring(24);
+    for (CaptureView& view : views) view.camera.position += Vec3d(5e6, -3e6, 200);
+    const CaptureReport report = reportCapture(views);
+    for (const std::string& warning : report.warnings) UNSCOPED_INFO(warning);
+    CHECK(report.warnings.empty());
+    CHECK(report.position_rank == reportCapture(ring(24)).position_rank);
+    CHECK((report.middle - reportCapture(ring(24)).middle - Vec3d(5e6, -3e6, 200)).norm() < 1e-6);
+}
+
 TEST_CASE("cameras that are none are named, and the rest is described", "[trainer]") {
     std::vector<CaptureView> views = ring(24);
     views[3].camera.world_from_camera.col(0) *= -1;  // a mirror

@@ -52,6 +52,36 @@ TEST_CASE("photos are loaded in order, with progress", "[trainer]") {
     CHECK(cameras.has_alpha);
 }
 
+TEST_CASE("alpha is what pixels say, not what headers have room for", "[trainer]") {
+    SceneFolder scene(6, 4);
+    Image opaque(20, 10, 4);
+    for (std::size_t i = 3; i < opaque.pixels.size(); i += 4) opaque.pixels[i] = 1;
+    for (int i = 0; i < 6; ++i) writeImage(scene.dir / ("images/" + std::to_string(100 + i) + ".png"), opaque);
+    scene.save("transforms_train.json");
+    Notes notes;
+    CHECK_FALSE(readDataset(scene.dir.path(), Split::train, {}, notes).has_alpha);
+    CHECK(notes.warnings.empty());
+
+    opaque.at(7, 3)[3] = 0.5f;
+    writeImage(scene.dir / "images/104.png", opaque);
+    CHECK(readDataset(scene.dir.path(), Split::train, {}, notes).has_alpha);
+    REQUIRE(notes.warnings.size() == 1);
+    CHECK_THAT(notes.warnings[0], Contains("1 of 6 photographs are transparent somewhere") && Contains("--alpha-masks"));
+}
+
+TEST_CASE("a camera far from all others is told", "[trainer]") {
+    SceneFolder scene(9);
+    Notes notes;
+    scene.save("transforms_train.json");
+    readDataset(scene.dir.path(), Split::train, {false, false}, notes);
+    CHECK(notes.warnings.empty());
+    scene.frame(5)["transform_matrix"][0][3] = 1e5;
+    scene.save("transforms_train.json");
+    readDataset(scene.dir.path(), Split::train, {false, false}, notes);
+    REQUIRE(notes.warnings.size() == 1);
+    CHECK_THAT(notes.warnings[0], Contains("1 of 9 cameras") && Contains("105.png") && Contains("times as far"));
+}
+
 TEST_CASE("warnings reach the report and the data set", "[trainer]") {
     SceneFolder scene(9, 3);
     std::filesystem::remove(scene.dir / "images/104.png");

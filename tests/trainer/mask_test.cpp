@@ -140,6 +140,52 @@ TEST_CASE("a data set reads the masks beside its images, and says what they leav
     CHECK_THROWS_WITH(readDataset(scene.dir.path(), Split::train, {}, notes), Contains("101.png"));
 }
 
+TEST_CASE("masks that have no photograph's name are told", "[trainer]") {
+    SceneFolder scene(4);
+    scene.save("transforms_train.json");
+    writeGrey(scene.dir / "masks/0001.png", 20, 10, 255);
+    Notes notes;
+    readDataset(scene.dir.path(), Split::train, {}, notes);
+    REQUIRE(notes.warnings.size() == 1);
+    CHECK_THAT(notes.warnings[0], Contains("masks: no mask has the name of a photograph"));
+}
+
+TEST_CASE("alpha can be a mask: what is more than half transparent does not count", "[trainer]") {
+    Photo photo;
+    photo.width = 3;
+    photo.height = 1;
+    photo.has_alpha = true;
+    photo.pixels = {{10, 20, 30, 255}, {10, 20, 30, 128}, {10, 20, 30, 127}};
+    PixelMask mask(3, 1);
+    mask.keep(1, 0);
+    mask.keep(2, 0);
+    Photo both = photo;
+    maskByAlpha(both, mask, "a.png");
+    CHECK(mask.count() == 1);
+    CHECK(mask.counts(1, 0));
+    CHECK_FALSE(both.has_alpha);
+    CHECK(both.pixels[2] == Photo::Pixel{10, 20, 30, 255});
+    PixelMask none;
+    maskByAlpha(both, none, "a.png");  // opaque now
+    CHECK(none.empty());
+    for (Photo::Pixel& pixel : photo.pixels) pixel[3] = 3;
+    CHECK_THROWS_WITH(maskByAlpha(photo, none, "a.png"), Contains("a.png") && Contains("--alpha-masks"));
+
+    SceneFolder scene(2, 4);  // alpha 0 everywhere, ...
+    for (int i = 0; i < 2; ++i) {
+        Image image(20, 10, 4);
+        for (int x = 0; x < 5; ++x) image.at(x, 4)[3] = 1;  // ... but for five pixels
+        writeImage(scene.dir / ("images/" + std::to_string(100 + i) + ".png"), image);
+    }
+    scene.save("transforms_train.json");
+    Notes notes;
+    const Dataset dataset = readDataset(scene.dir.path(), Split::train, {.alpha_masks = true}, notes);
+    CHECK_FALSE(dataset.has_alpha);
+    CHECK(dataset.views[1].mask.count() == 5);
+    CHECK(maskedShare(dataset) == 0.975);
+    CHECK(notes.warnings.empty());
+}
+
 TEST_CASE("what a mask hides changes nothing of what is learned") {
     // The same photographs, with other colours where the masks hide them.
     Dataset first = test::sphereDataset(Split::train, 12, 48), second = first;
