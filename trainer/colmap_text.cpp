@@ -6,7 +6,9 @@
 //   points3D: ID X Y Z R G B ERROR, then IMAGE FEATURE again and again
 #include "trainer/colmap_text.h"
 
+#include <algorithm>
 #include <charconv>
+#include <optional>
 #include <string_view>
 
 #include "core/atomic_file.h"
@@ -27,6 +29,14 @@ public:
 
     bool isEmpty() const { return rest_.empty(); }
     bool isComment() const { return !rest_.empty() && rest_.front() == '#'; }
+    /// The number that a comment says after these words.
+    std::optional<std::size_t> numberAfter(std::string_view words) const {
+        const std::size_t begin = rest_.find(words);
+        std::size_t number = 0;
+        if (begin == rest_.npos) return std::nullopt;
+        const char* const digits = rest_.data() + begin + words.size();
+        return std::from_chars(digits, rest_.data() + rest_.size(), number).ec == std::errc() ? std::optional(number) : std::nullopt;
+    }
 
     std::string_view word(const char* what) {
         if (rest_.empty()) fail("the end of the line", what);
@@ -74,12 +84,13 @@ private:
     std::string where_;
 };
 
-/// Calls read(line, next_line) for each entry; next_line() is the line after it, of which an absent one is empty.
+/// Calls read(line, next_line) for each entry; next_line() is the line after it, of which an absent one is empty. Throws
+/// DataError when there are fewer entries than a comment says after the words `counted`.
 template <typename ReadEntry>
-void forEachEntry(const fs::path& file, const ReadEntry& read) {
+void forEachEntry(const fs::path& file, std::string_view counted, const ReadEntry& read) {
     const std::string text = readFile(file);
     std::string_view rest = text;
-    std::size_t number = 0;
+    std::size_t number = 0, n_entries = 0, stated = 0;
     const auto nextLine = [&] {
         const std::string_view line = rest.substr(0, rest.find('\n'));
         rest.remove_prefix(std::min(line.size() + 1, rest.size()));
@@ -87,15 +98,21 @@ void forEachEntry(const fs::path& file, const ReadEntry& read) {
     };
     while (!rest.empty()) {
         TextLine line = nextLine();
-        if (!line.isEmpty() && !line.isComment()) read(line, nextLine);
+        if (line.isComment()) stated = std::max(stated, line.numberAfter(counted).value_or(0));
+        if (line.isEmpty() || line.isComment()) continue;
+        read(line, nextLine);
+        ++n_entries;
     }
+    if (n_entries < stated)
+        throw DataError(file.string(), std::to_string(n_entries) + " entries", std::to_string(stated) + ", as its head says",
+                        "the file was cut short: export it again; where it was edited, correct the head");
 }
 
 }  // namespace
 
 std::vector<ColmapCamera> readColmapCamerasText(const fs::path& file) {
     std::vector<ColmapCamera> cameras;
-    forEachEntry(file, [&](TextLine& line, const auto&) {
+    forEachEntry(file, "Number of cameras: ", [&](TextLine& line, const auto&) {
         ColmapCamera camera;
         camera.id = line.number<std::uint32_t>("a camera's id");
         const ColmapLensModel& lens = colmapLensModel(std::string(line.word("a camera's model")), line.where());
@@ -114,7 +131,7 @@ std::vector<ColmapCamera> readColmapCamerasText(const fs::path& file) {
 
 std::vector<ColmapImage> readColmapImagesText(const fs::path& file) {
     std::vector<ColmapImage> images;
-    forEachEntry(file, [&](TextLine& line, const auto& nextLine) {
+    forEachEntry(file, "Number of images: ", [&](TextLine& line, const auto& nextLine) {
         ColmapImage image;
         image.id = line.number<std::uint32_t>("an image's id");
         for (double& value : image.rotation) value = line.number<double>("a rotation");
@@ -133,7 +150,7 @@ std::vector<ColmapImage> readColmapImagesText(const fs::path& file) {
 
 std::vector<ColmapPoint> readColmapPointsText(const fs::path& file) {
     std::vector<ColmapPoint> points;
-    forEachEntry(file, [&](TextLine& line, const auto&) {
+    forEachEntry(file, "Number of points: ", [&](TextLine& line, const auto&) {
         ColmapPoint point;
         point.id = line.number<std::uint64_t>("a point's id");
         point.position = line.vector("a position");

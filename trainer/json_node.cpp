@@ -42,7 +42,7 @@ nlohmann::json parseJsonFile(const std::filesystem::path& path) {
         const std::string_view what = error.what();
         const std::size_t begin = what.find("] ");
         throw DataError(path.string(), std::string(begin == what.npos ? what : what.substr(begin + 2)),
-                        "well-formed JSON");
+                        "well-formed JSON", "the file is damaged or was cut short: write it again");
     }
 }
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
+#include <map>
 
 #include "core/error.h"
 
@@ -35,6 +36,22 @@ std::optional<fs::path> pathInside(const std::string& name) {
     return path;
 }
 
+std::optional<fs::path> placeInside(const std::string& name, const std::function<bool(const fs::path&)>& is_there) {
+    std::string slashed = name;
+    if (const std::optional<fs::path> as_named = pathInside(name); as_named && is_there(*as_named)) return as_named;
+    std::replace(slashed.begin(), slashed.end(), '\\', '/');
+    const bool has_drive = slashed.size() > 2 && slashed[1] == ':' && slashed[2] == '/';
+    if (const std::optional<fs::path> relative = pathInside(slashed); relative && !has_drive)
+        return is_there(*relative) ? relative : std::nullopt;
+    const fs::path whole = fs::path(slashed).lexically_normal();
+    for (auto first = whole.begin(); first != whole.end(); ++first) {
+        fs::path end;
+        for (auto part = first; part != whole.end(); ++part) end /= *part;
+        if (const std::optional<fs::path> relative = pathInside(end.string()); relative && is_there(*relative)) return relative;
+    }
+    return std::nullopt;
+}
+
 bool isFile(const fs::path& path) {
     std::error_code too_long_or_forbidden;
     return fs::is_regular_file(path, too_long_or_forbidden);
@@ -54,6 +71,17 @@ fs::path findImageFolder(const fs::path& root) {
                     "lay them there, or link to them");
 }
 
+void warnOfSharedImages(const std::vector<ListedFrame>& frames, const std::string& where, std::vector<std::string>& warnings) {
+    std::map<fs::path, std::size_t> counts;
+    for (const ListedFrame& frame : frames) ++counts[frame.image];
+    const std::size_t n = frames.size() - counts.size();
+    if (n == 0) return;
+    const auto shared = std::find_if(counts.begin(), counts.end(), [](const auto& image) { return image.second > 1; });
+    warnings.push_back(where + ": " + std::to_string(n) + " of " + std::to_string(frames.size()) +
+                       " frames name an image that another frame has, too (first: " + shared->first.string() +
+                       "): no photograph has two poses");
+}
+
 void dropAbsent(std::vector<ListedFrame>& frames, const std::string& where, bool strict,
                 std::vector<std::string>& warnings) {
     const std::size_t n_listed = frames.size();
@@ -66,7 +94,8 @@ void dropAbsent(std::vector<ListedFrame>& frames, const std::string& where, bool
     const std::string absent = std::to_string(n_listed - frames.size()) + " of " + std::to_string(n_listed) +
                                " frames without an image (first: " + example.string() + ")";
     if (strict) throw DataError(where, absent, "an image for every frame", "add them or leave out --strict");
-    if (2 * frames.size() < n_listed) throw DataError(where, absent, "at least half of the images");
+    if (2 * frames.size() < n_listed)
+        throw DataError(where, absent, "at least half of the images", "lay them there, or correct what the list names");
     warnings.push_back(where + ": " + absent + " are left out");
 }
 
@@ -81,6 +110,12 @@ bool isSameAspect(double w, double h, int width, int height) {
     // A smaller version is rounded to whole pixels; by how much depends on who rounds.
     const double tolerance = std::max(1.0, width / w);
     return std::abs(height - h * width / w) <= tolerance || std::abs(width - w * height / h) <= tolerance;
+}
+
+const char* adviceOnAspect(double w, double h, int width, int height) {
+    return isSameAspect(h, w, width, height)
+               ? "the image lies on its side, as EXIF may say, which is not looked at: turn its pixels as those that were posed"
+               : "use the images that were posed";
 }
 
 std::string sizeText(double width, double height) {

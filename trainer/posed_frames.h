@@ -4,6 +4,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -28,6 +29,11 @@ const char* nameOf(Split split);
 /// A relative path in its normal form; nothing for one that is empty or leads out of the folder it is relative to.
 std::optional<std::filesystem::path> pathInside(const std::string& name);
 
+/// Where in its folder a file lies that a list names, if `is_there` finds it: as named, backslashes between folders or
+/// not. Of a path that is absolute or leads out of the folder, as lists from other machines have, the longest end that is there.
+std::optional<std::filesystem::path> placeInside(const std::string& name,
+                                                 const std::function<bool(const std::filesystem::path&)>& is_there);
+
 /// True for a regular file; false too where nobody can tell (a name that no file can have, a forbidden folder).
 bool isFile(const std::filesystem::path& path);
 
@@ -37,6 +43,9 @@ bool isImageName(const std::filesystem::path& path);
 /// The folder of a capture's images: ROOT/images, else the smaller versions that tools lay beside it, images_2, images_4
 /// and images_8, whichever is there first. Throws DataError when there is none.
 std::filesystem::path findImageFolder(const std::filesystem::path& root);
+
+/// Warns of frames that share an image: all but one of their poses are wrong.
+void warnOfSharedImages(const std::vector<ListedFrame>& frames, const std::string& where, std::vector<std::string>& warnings);
 
 /// Removes the frames whose image is absent, with a warning: many data sets list a few that were never shipped.
 /// Throws DataError when it is more than half of them, or any while `strict`. `where` names the list.
@@ -48,6 +57,9 @@ std::vector<ListedFrame> everyEighthHeldOut(const std::vector<ListedFrame>& fram
 
 /// True if an image of width x height pixels is one of w x h, made smaller or larger and rounded to whole pixels.
 bool isSameAspect(double w, double h, int width, int height);
+
+/// What to do about an image of another aspect than its camera's.
+const char* adviceOnAspect(double w, double h, int width, int height);
 
 /// "640x480".
 std::string sizeText(double width, double height);

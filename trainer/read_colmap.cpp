@@ -139,7 +139,7 @@ View viewOf(const ListedFrame& frame, const Camera& stated, const ColmapPart<Col
         throw DataError(placeOf(images, images.entries[frame.index]),
                         frame.image.string() + " of " + sizeText(header.width, header.height) + " pixels",
                         sizeText(stated.width, stated.height) + " as its camera, or another size of that aspect",
-                        "use the images that were mapped");
+                        adviceOnAspect(static_cast<double>(stated.width), stated.height, header.width, header.height));
     has_alpha |= header.has_alpha;
     View view;
     const bool is_same = header.width == stated.width && header.height == stated.height;
@@ -148,19 +148,36 @@ View viewOf(const ListedFrame& frame, const Camera& stated, const ColmapPart<Col
     return view;
 }
 
-std::vector<Vec3d> usefulPoints(const ColmapPart<ColmapPoint>& points, std::vector<std::string>& warnings) {
-    std::vector<Vec3d> useful;
-    std::size_t n_infinite = 0;
-    for (const ColmapPoint& point : points.entries) {
-        if (!point.position.allFinite())
-            ++n_infinite;
-        else if (point.track_length >= 2)
-            useful.push_back(point.position);
+/// Takes out points at infinity, as matches along the baseline make them.
+void dropInfinitePoints(const std::vector<View>& views, ColmapPart<ColmapPoint>& points, std::vector<std::string>& warnings) {
+    constexpr double kInfinite = 1e6;  // of the cameras' extent: a pixel between neighbours is seen at a thousandth of it
+    Box cameras{views.front().camera.position, views.front().camera.position};
+    for (const View& view : views) {
+        cameras.min = cameras.min.cwiseMin(view.camera.position);
+        cameras.max = cameras.max.cwiseMax(view.camera.position);
     }
+    const double farthest = kInfinite * cameras.size().norm();
+    const std::size_t n_all = points.entries.size();
+    const std::size_t n_infinite = std::erase_if(points.entries, [&](const ColmapPoint& point) {
+        return !(farthest == 0 ? point.position.allFinite() : (point.position - cameras.center()).norm() <= farthest);
+    });
     if (n_infinite > 0)
-        warnings.push_back(points.file.string() + ": " + std::to_string(n_infinite) + " of " +
-                           std::to_string(points.entries.size()) + " points are not finite and are left out");
+        warnings.push_back(points.file.string() + ": " + std::to_string(n_infinite) + " of " + std::to_string(n_all) +
+                           " points are not finite, or as good as infinitely far away, and are left out");
+}
+
+std::vector<Vec3d> usefulPoints(const ColmapPart<ColmapPoint>& points) {
+    std::vector<Vec3d> useful;
+    for (const ColmapPoint& point : points.entries)
+        if (point.track_length >= 2) useful.push_back(point.position);
     return useful;
+}
+
+/// A median of few pixels with one digit.
+std::string pixelsText(double pixels) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.1f", pixels);
+    return text;
 }
 
 }  // namespace
@@ -173,7 +190,7 @@ Dataset readColmap(const fs::path& folder, Split split, bool strict) {
     const ColmapPart<ColmapImage> images = imagesOfLargest(folder, dataset.warnings);
     const fs::path model = images.file.parent_path();
     const ColmapPart<ColmapCamera> cameras = readColmapCameras(model);
-    const ColmapPart<ColmapPoint> points = readColmapPoints(model);
+    ColmapPart<ColmapPoint> points = readColmapPoints(model);
 
     const fs::path image_folder = findImageFolder(folder);
     std::vector<ListedFrame> frames;
@@ -196,9 +213,10 @@ Dataset readColmap(const fs::path& folder, Split split, bool strict) {
         const Camera stated = cameraOfImage(cameras, images, images.entries[frame.index]);
         dataset.views.push_back(viewOf(frame, stated, images, dataset.has_alpha));
     }
-    dataset.points = usefulPoints(points, dataset.warnings);
+    dropInfinitePoints(dataset.views, points, dataset.warnings);
+    dataset.points = usefulPoints(points);
     if (const auto error = reprojectionError(cameras, images, points); error && !(*error < kGoodReprojection))
-        dataset.warnings.push_back(model.string() + ": its points are " + std::to_string(*error) +
+        dataset.warnings.push_back(model.string() + ": its points are " + pixelsText(*error) +
                                    " pixels (median) from where its images show them: cameras, images and points are "
                                    "not of one model, or damaged");
     return dataset;

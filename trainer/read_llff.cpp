@@ -35,7 +35,8 @@ View viewOf(const NpyMatrix& rows, std::size_t row, const fs::path& image, const
     const ImageHeader header = readImageHeader(image);
     if (!isSameAspect(width, height, header.width, header.height))
         throw DataError(where, image.string() + " of " + sizeText(header.width, header.height) + " pixels",
-                        sizeText(width, height) + " or another size of that aspect", "use the images that were posed");
+                        sizeText(width, height) + " or another size of that aspect",
+                        adviceOnAspect(width, height, header.width, header.height));
     has_alpha |= header.has_alpha;
 
     Camera camera;

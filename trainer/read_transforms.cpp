@@ -57,18 +57,24 @@ Source findSource(const fs::path& named, Split split, std::vector<std::string>& 
                     "transforms_" + std::string(nameOf(split)) + ".json", "choose another split");
 }
 
+constexpr const char* kNoPlace = "correct it, or put the file into the data folder";
+
 /// The named file, or the same with an extension that the JSON left out.
 ListedFrame findImage(const JsonNode& frame, std::size_t index, const fs::path& folder) {
     const JsonNode node = frame.at("file_path");
     const std::string file_path = node.text();
+    fs::path image;
+    const auto isThere = [&](const fs::path& relative) {
+        for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".exr", ".PNG", ".JPG", ".JPEG", ".EXR"}) {
+            image = folder / relative;
+            image += extension;
+            if (isFile(image)) return true;
+        }
+        return false;
+    };
+    if (placeInside(file_path, isThere)) return {index, file_path, image, true};
     const std::optional<fs::path> relative = pathInside(file_path);
-    if (!relative) node.fail("'" + file_path + "'", "a path inside the data folder");
-
-    for (const char* extension : {"", ".png", ".jpg", ".jpeg", ".exr", ".PNG", ".JPG", ".JPEG", ".EXR"}) {
-        fs::path image = folder / *relative;
-        image += extension;
-        if (isFile(image)) return {index, file_path, image, true};
-    }
+    if (!relative) node.fail("'" + file_path + "'", "a path inside the data folder", kNoPlace);
     fs::path expected = folder / *relative;
     if (!expected.has_extension()) expected += ".png";
     return {index, file_path, expected, false};
@@ -174,7 +180,7 @@ Camera intrinsics(const Lens& lens, const JsonNode& frame, const ListedFrame& so
     if (!isSameAspect(w, h, width, height))
         frame.at("file_path")
             .fail(source.image.string() + " of " + sizeText(width, height) + " pixels",
-                  sizeText(w, h) + " (w, h) or another size of that aspect", "use the images that were posed");
+                  sizeText(w, h) + " (w, h) or another size of that aspect", adviceOnAspect(w, h, width, height));
 
     const auto focalFromAngle = [](double size, double angle) { return 0.5 * size / std::tan(0.5 * angle); };
     std::optional<double> fx = lens.fl_x, fy = lens.fl_y;
@@ -232,11 +238,11 @@ fs::path namedMask(const JsonNode& frame, const fs::path& folder) {
     if (!frame.has("mask_path")) return {};
     const JsonNode node = frame.at("mask_path");
     const std::string name = node.text();
+    if (const auto relative = placeInside(name, [&](const fs::path& place) { return isFile(folder / place); }))
+        return folder / *relative;
     const std::optional<fs::path> relative = pathInside(name);
-    if (!relative) node.fail("'" + name + "'", "a path inside the data folder");
-    if (!isFile(folder / *relative))
-        node.fail("no file " + (folder / *relative).string(), "the frame's mask", "add it, or remove the key");
-    return folder / *relative;
+    if (!relative) node.fail("'" + name + "'", "a path inside the data folder", kNoPlace);
+    node.fail("no file " + (folder / *relative).string(), "the frame's mask", "add it, or remove the key");
 }
 
 /// Whether a camera moves while the photograph is taken, as instant-ngp has it.
@@ -294,6 +300,7 @@ Dataset readTransforms(const fs::path& path, Split split, bool strict, bool chec
 
     // Absent images go first, so that every 8th is counted among those that exist.
     dropAbsent(frames, source.file.string() + ": frames", strict, dataset.warnings);
+    warnOfSharedImages(frames, source.file.string(), dataset.warnings);
     if (!source.is_split_file) {
         std::stable_sort(frames.begin(), frames.end(),
                          [](const ListedFrame& a, const ListedFrame& b) { return a.name < b.name; });

@@ -17,8 +17,8 @@ bool hasTransforms(const std::filesystem::path& path);
 /// when the image at hand has another size of the same aspect), camera_angle_x, camera_angle_y (rad; used
 /// without fl_*), camera_model (PINHOLE, OPENCV and what it contains, FULL_OPENCV, OPENCV_FISHEYE; see Distortion),
 /// is_fisheye (instant-ngp), k1 ... k6, p1, p2 as the model has them. For the file: aabb_scale, train_filenames,
-/// val_filenames, test_filenames (nerfstudio). For a frame: file_path (relative; the extension may be left out),
-/// mask_path (relative), transform_matrix (world from camera, OpenGL axes, rigid; cleaned of rounding).
+/// val_filenames, test_filenames (nerfstudio). For a frame: file_path (as placeInside has it; the extension may be left out),
+/// mask_path (the same), transform_matrix (world from camera, OpenGL axes, rigid; cleaned of rounding).
 /// Known and not used: applied_transform and applied_scale (poses have them applied already, and the world is the
 /// file's), depth_file_path, ply_file_path.
 ///

@@ -152,6 +152,18 @@ TEST_CASE("text with garbage is refused with its line", "[trainer]") {
     CHECK_THAT(refusal("points3D.txt", "1 0 0 0 1 2 3 0.5\n1 0 0 0 1 2 3 0.5\n"), Contains("two entries with the id 1"));
 }
 
+TEST_CASE("text that ends before what its head counts was cut short", "[trainer]") {
+    const std::string head = "# Number of images: 2, mean observations per image: 0\n";
+    const std::string image = " 1 0 0 0 0 0 0 1 a.png\n\n";
+    CHECK_THAT(refusal("images.txt", head + "1" + image),
+               Contains("images.txt: found 1 entries, expected 2") && Contains("cut short"));
+    CHECK_THAT(refusal("cameras.txt", "# Number of cameras: 3\n1 PINHOLE 40 20 30 30 20 10\n"), Contains("expected 3"));
+    CHECK_THAT(refusal("points3D.txt", "# Number of points: 1, mean track length: 2\n"), Contains("found 0 entries"));
+    const TempDir dir;
+    writeAtomically(dir / "images.txt", head + "1" + image + "2" + image + "3" + image);  // more were added by hand
+    CHECK(readColmapImages(dir.path()).entries.size() == 3);
+}
+
 TEST_CASE("text is read as people leave it: blanks, comments, no features, names with blanks", "[trainer]") {
     const TempDir dir;
     writeAtomically(dir / "images.txt",

@@ -103,6 +103,21 @@ TEST_CASE("a single file is sorted by name and every 8th existing frame is held 
     CHECK(readTransforms(scene.dir.path(), Split::train, false).views.size() == 7);
 }
 
+TEST_CASE("paths of another machine are found in the folder, and an image with two poses is told", "[trainer]") {
+    SceneFolder scene(4);
+    scene.frame(0)["file_path"] = ".\\images\\100.png";
+    scene.frame(1)["file_path"] = "C:\\Users\\me\\scene\\images\\101";
+    scene.frame(2)["file_path"] = "/home/me/scene/images/102.png";
+    scene.frame(2)["mask_path"] = "/home/me/scene/images/103.png";
+    scene.frame(3)["file_path"] = "images/102.png";
+    scene.save("transforms_train.json");
+    const Dataset train = readTransforms(scene.dir.path(), Split::train, true);
+    CHECK(namesOf(train) == Names{"100", "101", "102", "102"});
+    CHECK(train.views[2].mask_path == scene.dir / "images/103.png");
+    REQUIRE(train.warnings.size() == 1);
+    CHECK_THAT(train.warnings[0], Contains("1 of 4 frames") && Contains("102.png") && Contains("no photograph has two poses"));
+}
+
 TEST_CASE("depth maps and cameras that move are named once, where photographs are learned from", "[trainer]") {
     SceneFolder scene(9);
     for (int i = 0; i < 9; ++i) {
