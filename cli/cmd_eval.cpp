@@ -9,6 +9,7 @@
 #include "cli/photo_words.h"
 #include "cli/pictures_for_eyes.h"
 #include "cli/process.h"
+#include "cli/quantities.h"
 #include "cli/scene_words.h"
 #include "core/error.h"
 #include "trainer/block_index.h"
@@ -116,7 +117,7 @@ Command addEval(CLI::App& program) {
     words->dataset.add(app);
     words->photos.add(app);
     app.add_option("--every", words->every, "Score each Nth view only [1]")
-        ->check(CLI::PositiveNumber)
+        ->check(positive())
         ->type_name("N");
     app.add_option("--save", words->save, "Write the rendered views there: 0000.png, ... by index of the view")
         ->type_name("DIR");

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // nerfvdb export: a model as a plain volume that Blender, Houdini and others show.
+#include <algorithm>
+
 #include "cli/commands.h"
 #include "cli/export_parts.h"
 #include "cli/output_path.h"
@@ -106,14 +108,16 @@ void writeBeside(const Outputs& outputs, const std::vector<ModelCamera>& cameras
     writeBlenderScript(outputs.script, scene);
 }
 
-/// The surface of the model, its bodies solid.
-void writeSurface(const Outputs& outputs, Model& model, const ExportVdbReport& exported, Report& report) {
+/// The surface of the model, its bodies solid; within the volume's bounds, and no finer than it.
+void writeSurface(const Outputs& outputs, Model& model, const ExportVdbOptions& volume, const ExportVdbReport& exported,
+                  Report& report) {
     makeUnseenSolid(model, automaticIso(model.field), report);
     MeshOptions options;
     options.colours = false;
     options.fill_inside = true;
+    options.bounds = volume.bounds;
     const Mesh mesh = extractSurface(model, options, report);
-    writeLevelSet(outputs.level_set, mesh, model.field.frame().voxel_size, exported.placement);
+    writeLevelSet(outputs.level_set, mesh, model.field.frame().voxel_size / std::min(exported.finer, 1.0), exported.placement);
     report.info("level set: " + outputs.level_set.string());
 }
 
@@ -200,7 +204,7 @@ void runExport(const ExportWords& words) {
         } else {
             Model flat = words.shells.flatten(model, report);
             parts.push_back({{}, exportVdb(flat, words.out, options, report)});
-            if (words.level_set) writeSurface(outputs, flat, parts.front().written, report);
+            if (words.level_set) writeSurface(outputs, flat, options, parts.front().written, report);
             json["shells"] = words.shells.count(model, 1);
         }
         addParts(json, "each_shell", parts);
@@ -213,7 +217,7 @@ void runExport(const ExportWords& words) {
 void addPlacement(CLI::App& app, ExportWords& words) {
     app.add_option("--scale", words.options.placement.scale,
                    "Length of a world unit in the file; density is divided by it [1]")
-        ->check(CLI::PositiveNumber)
+        ->check(positive())
         ->type_name("FACTOR");
     app.add_option("--up", words.up, "Turn the scene so that this axis points up: y (Houdini) or z (Blender) [as it is]")
         ->check(CLI::IsMember({"y", "z"}))
@@ -259,10 +263,10 @@ Command addExport(CLI::App& program) {
         ->type_name("N");
     app.add_option("--max-resolution", words->options.max_resolution,
                    "At most N voxels along the longest side [as the model]")
-        ->check(CLI::PositiveNumber)
+        ->check(positive())
         ->type_name("N");
     app.add_option("--max-voxels", words->options.max_voxels, "At most N active voxels [as the model]")
-        ->check(CLI::PositiveNumber)
+        ->check(positive())
         ->type_name("N");
     app.add_option("--blender-memory", words->blender_memory,
                    "Coarser, if need be, so that Blender holds it in so much, such as 4GB: it makes the bounding box dense")

@@ -44,6 +44,8 @@ void checkWords(const MeshWords& words) {
                          "no --compare, and nothing on islands, smoothing and simplification",
                          "a stream keeps every piece");
     prepareOutputFile("--out", words.out);
+    if (!words.compare.empty() && std::filesystem::exists(words.out) && std::filesystem::equivalent(words.out, words.compare))
+        throw UsageError("--out", "the mesh to compare with", "another file", "it would be overwritten");
 }
 
 /// The mesh is never in memory, so nothing about its pieces is known, and none is dropped.
@@ -88,7 +90,11 @@ void runMesh(const MeshWords& words) {
     if (words.fill_inside) source.makeUnseenSolid(iso, report);
     if (words.stream) return streamMesh(words, source, options, report);
     Mesh mesh = extractSurface(model, options, report);
+    const bool had_surface = !mesh.triangles.empty();
     const IslandCounts islands = reworkMesh(mesh, words.rework, report);
+    if (had_surface && mesh.triangles.empty())
+        throw DataError("mesh: " + words.model, std::to_string(islands.dropped_pieces) + " pieces, all too small to be kept",
+                        "one that is left", "use a smaller --min-faces");
     if (!words.out.empty()) {
         if (!words.no_colours && meshFormat(words.out) != MeshFormat::stl) source.colour(mesh, report);
         writeMesh(words.out, mesh, words.up == "y" ? UpAxis::y : UpAxis::z);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // nerfvdb: words in, exit code out. The one place that turns exceptions into exit codes:
 //   0 done   1 failed   2 wrong usage   130 interrupted, after saving
+#include <csignal>
 #include <cstdlib>
 #include <cstring>
 #include <exception>
@@ -75,6 +76,7 @@ int runProgram(int argc, char** argv) {
 int main(int argc, char** argv) {
     std::set_terminate(endAtOnce);
     giveBackFreedMemory();
+    std::signal(SIGXFSZ, SIG_IGN);  // writing past the largest file allowed then fails as on a full disk
     try {
         return runProgram(argc, argv);
     } catch (const Interrupted& error) {

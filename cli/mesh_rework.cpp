@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "cli/quantities.h"
 #include "core/error.h"
 #include "export/mesh_simplify.h"
 #include "export/mesh_smooth.h"
@@ -20,7 +21,7 @@ IslandOptions islandRules(const ReworkWords& words) {
 }
 
 std::size_t wantedFaces(const Mesh& mesh, const ReworkWords& words) {
-    if (words.faces) return *words.faces;
+    if (words.faces) return static_cast<std::size_t>(*words.faces);
     const double share = words.simplify.value_or(1) * static_cast<double>(mesh.triangles.size());
     return std::max(kFewestFaces, static_cast<std::size_t>(std::llround(share)));
 }
@@ -42,10 +43,10 @@ void addRework(CLI::App& app, ReworkWords& words) {
                              ->check(CLI::Range(0.0, 1.0))
                              ->type_name("SHARE");
     CLI::Option* largest = app.add_option("--keep-largest", words.keep_largest, "Keep the N largest pieces only")
-                               ->check(CLI::PositiveNumber)
+                               ->check(positive())
                                ->type_name("N");
     CLI::Option* fewest = app.add_option("--min-faces", words.min_faces, "Drop pieces of fewer triangles")
-                              ->check(CLI::PositiveNumber)
+                              ->check(positive())
                               ->type_name("N");
     CLI::Option* keep = app.add_flag("--keep-islands", words.keep_islands, "Keep every piece, crumbs too");
     for (CLI::Option* rule : {share, largest, fewest}) keep->excludes(rule);
@@ -65,7 +66,7 @@ void addRework(CLI::App& app, ReworkWords& words) {
 void checkRework(const ReworkWords& words) {
     if (words.simplify && *words.simplify <= 0)
         throw UsageError("--simplify", std::to_string(*words.simplify), "a share of the triangles above 0");
-    if (words.faces && *words.faces < kFewestFaces)
+    if (words.faces && *words.faces < static_cast<std::int64_t>(kFewestFaces))
         throw NumericError("--faces", std::to_string(*words.faces), "at least " + std::to_string(kFewestFaces),
                            "no closed surface has fewer triangles");
 }
@@ -75,10 +76,19 @@ bool asksForWork(const ReworkWords& words) {
 }
 
 IslandCounts reworkMesh(Mesh& mesh, const ReworkWords& words, Report& report) {
-    const IslandCounts islands = removeIslands(mesh, islandRules(words));
+    IslandOptions rules = islandRules(words);
+    IslandCounts islands = removeIslands(mesh, rules);
     if (words.smooth > 0) smoothMesh(mesh, words.smooth);
     const std::size_t n_faces = wantedFaces(mesh, words);
-    if (n_faces < mesh.triangles.size()) simplify(mesh, n_faces, report);
+    if (n_faces >= mesh.triangles.size()) return islands;
+    simplify(mesh, n_faces, report);
+    // Where a body is thin, collapsing edges parts it; triangles are now larger than those that min_faces counts.
+    rules.min_faces = 0;
+    const IslandCounts parted = removeIslands(mesh, rules);
+    islands.kept_pieces = parted.kept_pieces;
+    islands.largest_faces = parted.largest_faces;
+    islands.dropped_pieces += parted.dropped_pieces;
+    islands.dropped_faces += parted.dropped_faces;
     return islands;
 }
 

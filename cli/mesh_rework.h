@@ -3,6 +3,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <cstdint>
 #include <optional>
 
 #include "core/report.h"
@@ -16,7 +17,7 @@ struct ReworkWords {
     bool keep_islands = false;
     int smooth = 0;
     std::optional<double> simplify;
-    std::optional<std::size_t> faces;
+    std::optional<std::int64_t> faces;
 };
 
 void addRework(CLI::App& app, ReworkWords& words);
@@ -27,7 +28,8 @@ void checkRework(const ReworkWords& words);
 /// Whether any word says what is to be done; dropping crumbs goes without.
 bool asksForWork(const ReworkWords& words);
 
-/// Islands, smoothing, simplification, in this order; colours are not looked at. Returns what went as islands.
+/// Islands, smoothing, simplification, in this order; colours are not looked at. What simplification leaves in more pieces
+/// than may stay is looked through once more. Returns what went as islands.
 IslandCounts reworkMesh(Mesh& mesh, const ReworkWords& words, Report& report);
 
 }  // namespace nerfvdb

@@ -96,4 +96,13 @@ Box parseBounds(const std::string& where, const std::vector<double>& numbers) {
     return box;
 }
 
+CLI::Validator positive() {
+    const auto check = [](const std::string& text) {
+        double value = 0;
+        const bool is_number = CLI::detail::lexical_cast(text, value);
+        return is_number && value > 0 ? std::string() : "found '" + text + "', expected a number above 0";
+    };
+    return CLI::Validator(check, "");
+}
+
 }  // namespace nerfvdb

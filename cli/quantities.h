@@ -3,6 +3,7 @@
 // `where` is the option's name, for the message of the UsageError.
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -26,5 +27,8 @@ Vec3f parseColor(const std::string& where, const std::string& text);
 
 /// {x0, y0, z0, x1, y1, z1} -> a box with positive size.
 Box parseBounds(const std::string& where, const std::vector<double>& numbers);
+
+/// For options that take a number above 0; CLI11's own says the bounds of a double in 600 digits.
+CLI::Validator positive();
 
 }  // namespace nerfvdb

@@ -54,15 +54,23 @@ std::vector<BlockId> chooseBlocks(const TrainRun& run, const BlockIndex& index, 
                             "'nerfvdb info " + run.out.string() + "' lists the blocks");
         return {*only};
     }
-    std::vector<BlockId> chosen;
+    std::vector<BlockId> chosen, left_out;
     for (const BlockId& block : grid.blocks()) {
         if (!index.isTrained(block))
-            report.warn("block " + blockName(block) + " is left out: fewer than three photographs were taken there");
+            left_out.push_back(block);
         else if (run.resume && isDone(blockPath(run.out, block)))
             report.info("block " + blockName(block) + " is there already");
         else
             chosen.push_back(block);
     }
+    const std::size_t n_all = grid.blocks().size();
+    if (left_out.size() == n_all)
+        throw UsageError("--blocks", std::to_string(grid.columns) + "x" + std::to_string(grid.rows) +
+                                         ", none with three photographs",
+                         "fewer blocks");
+    if (!left_out.empty())
+        report.warn(std::to_string(left_out.size()) + " of " + std::to_string(n_all) + " blocks are left out (first: " +
+                    blockName(left_out.front()) + "): fewer than three photographs were taken there");
     return chosen;
 }
 
@@ -72,9 +80,9 @@ TrainOutcome trainBlocks(const TrainRun& run, const BlockCount& count, const std
                          Report& report) {
     prepareOutputFolder("--out", run.out);
     const BlockIndex index = planIndex(run, count, report);
-    writeBlockIndex(run.out, index);
     const BlockGrid& grid = index.grid;
     const std::vector<BlockId> blocks = chooseBlocks(run, index, only, report);
+    writeBlockIndex(run.out, index);
 
     const auto viewsOf = [&](const BlockId& block) {
         return index.views[static_cast<std::size_t>(block.i * grid.rows + block.j)];

@@ -318,6 +318,13 @@ JSON
     expect 2 mesh model.vdb --out nothing.ply --bounds 100,100,100,101,101,101
     expect 2 mesh model.vdb --out mesh.ply --stream --min-faces 9
     says err "--stream"
+    expect 2 mesh model.vdb --out mesh.ply --compare mesh.ply
+    says err "it would be overwritten"
+    expect 1 mesh model.vdb --out none.ply --min-faces 100000000
+    says err "all too small to be kept"
+    expect 1 mesh model.vdb --out none.ply --faces -5
+    says err "--faces: found -5"
+    [[ ! -e none.ply ]] || fail "a mesh of nothing"
     [[ -s volume.vdb && -s mesh.ply && -s mesh.obj ]] || fail "an export is missing"
     expect 0 info volume.vdb --json -
     has_keys out kind grids type class active_voxels dims voxel_size bounds file_bytes
@@ -599,8 +606,11 @@ test_blocks() {
     says err "a folder"
     expect 2 train data --out other --block 0,0
     says err "--blocks"
-    expect 2 train data --out parts --blocks 2x1 --block 2,0 --steps 90
+    expect 2 train data --out other --blocks 2x1 --block 2,0 --steps 90
     says err "0,0 to 1,0"
+    expect 2 train data --out other --blocks 30x30 --steps 90
+    says err "found 30x30, none with three photographs"
+    [[ ! -e other/blocks.json ]] || fail "what was refused says how the scene is cut"
     expect 2 train data --out other --blocks 2x1 --scene box
     says err "--scene"
     expect 2 train data --out other --blocks 2x1 --voxel-size 0.1
@@ -686,6 +696,12 @@ test_photographs() {
     cmp all.vdb model.vdb || fail "--no-masks left something out"
     expect 0 eval masked.vdb data --no-masks
     ! grep -q "masked" out || fail "--no-masks left something out"
+    expect 0 info data
+    says out "12 of 48x48 views, alpha, 12 with masks"
+    expect 0 train data --out by_alpha.vdb --steps 60 --alpha-masks --no-masks --json by_alpha.json
+    says err "masks leave out"
+    expect 0 eval by_alpha.vdb data --alpha-masks --no-masks
+    says out "% of the pixels are masked and were not compared"
     printf 'no picture' >data/masks/train/r_3.png
     expect 1 train data --out bad.vdb --steps 60
     says err "masks/train/r_3.png"
@@ -807,7 +823,6 @@ bytes() { wc -c <"$1"; }
 
 # on_small_disk KILOBYTES COMMAND...: no file can grow beyond a size.
 on_small_disk() (
-    trap '' XFSZ
     ulimit -f "$1"
     shift
     "$@"
