@@ -73,12 +73,28 @@ Volume startVolume(const Model& model, const ExportVdbOptions& options, double m
     Volume volume = volumeOfModel(model.field, grid);
     if (activeCount(volume) == 0)
         throw DataError("export", "a model without density", "something to write", "train it first");
+    double too_fine = 1;
     for (double factor; (factor = excess(volume, options)) > 1;) {
         // From finer voxels to the model's own; from there on any size will do.
+        too_fine = grid.voxel_scale;
         grid.voxel_scale = grid.voxel_scale < 1 ? 1 : grid.voxel_scale * std::max(factor, 1.01);
         volume = volumeOfModel(model.field, grid);
         if (activeCount(volume) == 0)
             throw UsageError("export", "limits under which nothing of the scene remains", "room for more voxels");
+    }
+    // How many voxels a size makes was guessed: what is thinner than a voxel thins out faster than a surface.
+    constexpr int kTries = 4;
+    constexpr double kNearEnough = 0.97;  // of the edge
+    for (int n = 0; n < kTries && grid.voxel_scale > 1 && excess(volume, options) < kNearEnough; ++n) {
+        VolumeGridOptions finer_grid = grid;
+        finer_grid.voxel_scale = std::sqrt(too_fine * grid.voxel_scale);
+        Volume finer_volume = volumeOfModel(model.field, finer_grid);
+        if (excess(finer_volume, options) > 1) {
+            too_fine = finer_grid.voxel_scale;
+        } else {
+            grid = finer_grid;
+            volume = std::move(finer_volume);
+        }
     }
     return volume;
 }
@@ -169,7 +185,7 @@ Made makeVolume(const Model& model, const ExportVdbOptions& options, int finer, 
     if (has_color && !made.has_view_colors) decodeColors(model, made.volume);
     if (activeCount(made.volume) == 0)
         throw DataError("export", "nothing that a camera of the model sees", "a part of the scene that was photographed",
-                        "choose other bounds");
+                        "choose other bounds, or allow more voxels");
     if (!model.cameras.empty() && has_color) {
         const std::vector<Camera> held_out = camerasOf(model, true);
         made.loss = measureLoss(model, made.volume, held_out.empty() ? cameras : held_out, report);

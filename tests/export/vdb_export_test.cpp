@@ -209,7 +209,7 @@ TEST_CASE("limits are kept, by coarser voxels") {
     options.max_voxels = 2000;
     const ExportVdbReport few = exportVdb(model, folder / "few.vdb", options, silent);
     CHECK(few.active_voxels <= 2000);
-    CHECK(few.active_voxels > 800);
+    CHECK(few.active_voxels > 1300);  // of which the cameras do not see all
     options.max_voxels = 0;
     options.max_blender_bytes = 1e6;
     const ExportVdbReport small = exportVdb(model, folder / "small.vdb", options, silent);
