@@ -142,7 +142,7 @@ Command addMesh(CLI::App& program) {
     CLI::App& app =
         *program.add_subcommand("mesh", "Extract the surface of a model as a coloured triangle mesh");
     app.add_option("MODEL", words->model, "A model or a folder of blocks that 'nerfvdb train' made")->required();
-    app.add_option("--out", words->out, "The mesh: .ply, .obj, .glb (glTF) or .stl (no colours)")->type_name("FILE");
+    app.add_option("--out", words->out, "The mesh: .ply, .obj, .glb (glTF) or .stl (no colours); none has texture coordinates")->type_name("FILE");
     app.add_option("--compare", words->compare,
                    "Measure distances to this mesh (.ply, binary, triangles), with or without --out")
         ->type_name("TRUTH.ply");
@@ -168,7 +168,8 @@ Command addMesh(CLI::App& program) {
         ->check(CLI::Range(0.0, 1.0))
         ->type_name("X");
     app.add_flag("--stream", words->stream,
-                 "Write a .ply part by part: for meshes larger than memory; pieces are then neither known nor dropped");
+                 "Write a .ply part by part: for meshes larger than memory; pieces are then neither known nor dropped, and colours "
+                 "are decoded where vertices are instead of collected from the cameras' rays");
     app.add_flag("--fill-inside", words->fill_inside,
                  "Make bodies solid: no surfaces behind those that the photographs show, nor of cavities that nothing leads "
                  "into from outside");
