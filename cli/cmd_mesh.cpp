@@ -18,7 +18,7 @@ namespace {
 struct MeshWords {
     std::string model, out, compare, iso = "auto", up;
     bool no_colours = false, fill_inside = false;
-    std::vector<double> bounds;
+    std::vector<double> bounds, origin;
     int resolution = 0;
     std::string method = "marching-cubes";
     double adaptivity = 0;
@@ -75,7 +75,13 @@ void runMesh(const MeshWords& words) {
     options.resolution = words.resolution;
     options.method = words.method == "dual" ? SurfaceMethod::dual : SurfaceMethod::marching_cubes;
     options.adaptivity = words.adaptivity;
-    if (!words.bounds.empty()) options.bounds = parseBounds("--bounds", words.bounds);
+    const Vec3d origin = words.origin.empty() ? Vec3d(Vec3d::Zero()) : Vec3d(words.origin.data());
+    if (!origin.allFinite()) throw UsageError("--origin", "no finite point", "three numbers");
+    if (!words.bounds.empty()) {
+        options.bounds = parseBounds("--bounds", words.bounds);
+        options.bounds->min -= origin;
+        options.bounds->max -= origin;
+    }
     if (words.iso != "auto") {
         double iso = 0;
         if (!CLI::detail::lexical_cast(words.iso, iso))
@@ -84,7 +90,7 @@ void runMesh(const MeshWords& words) {
     }
 
     TerminalReport report;
-    MeshSource source(words.model, words.shells, report);
+    MeshSource source(words.model, words.shells, origin, report);
     const Model& model = source.model();
     const double iso = options.iso.value_or(automaticIso(model.field));
     if (words.fill_inside) source.makeUnseenSolid(iso, report);
@@ -104,6 +110,7 @@ void runMesh(const MeshWords& words) {
     const MeshMeasures measures = measureMesh(mesh);
     Json json = {{"command", "mesh"},
                  {"iso", iso},
+                 {"origin", {origin.x(), origin.y(), origin.z()}},
                  {"vertices", mesh.positions.size()},
                  {"faces", mesh.triangles.size()},
                  {"pieces", measures.pieces},
@@ -155,6 +162,12 @@ Command addMesh(CLI::App& program) {
         ->expected(6)
         ->delimiter(',')
         ->type_name("X0,Y0,Z0,X1,Y1,Z1");
+    app.add_option("--origin", words->origin,
+                   "The point of the model's world that is 0, 0, 0 in the file, whose 32-bit floats are coarse far from it "
+                   "(as in map coordinates) [0,0,0]")
+        ->expected(3)
+        ->delimiter(',')
+        ->type_name("X,Y,Z");
     app.add_option("--resolution", words->resolution,
                    "Voxels along the longest side of the scene's box: larger or smaller triangles [the model's]")
         ->check(CLI::Range(1, kMostResolution))

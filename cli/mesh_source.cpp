@@ -7,14 +7,16 @@
 #include "core/error.h"
 #include "export/block_fields.h"
 #include "export/flat_model.h"
+#include "export/moved_model.h"
 #include "export/vertex_colours.h"
 #include "vdb/model_file.h"
 
 namespace nerfvdb {
 
-MeshSource::MeshSource(const std::filesystem::path& path, const ShellWords& shells, Report& report) {
+MeshSource::MeshSource(const std::filesystem::path& path, const ShellWords& shells, const Vec3d& origin, Report& report)
+    : origin_(origin) {
     if (!isBlockFolder(path)) {
-        model_ = shells.flatten(loadModel(path), report);
+        model_ = movedModel(shells.flatten(loadModel(path), report), origin_);
         return;
     }
     if (shells.isGiven())
@@ -27,7 +29,7 @@ MeshSource::MeshSource(const std::filesystem::path& path, const ShellWords& shel
         report.info("block " + blockName(block));
         densities.push_back(densityOfBlock(index_->grid, block, loadBlock(folder_, block)));
     }
-    model_ = joinBlocks(index_->grid, std::move(densities));
+    model_ = movedModel(joinBlocks(index_->grid, std::move(densities)), origin_);
 }
 
 void MeshSource::colour(Mesh& mesh, Report& report) const {
@@ -35,7 +37,7 @@ void MeshSource::colour(Mesh& mesh, Report& report) const {
     const std::vector<BlockId> blocks = trainedBlocks(*index_, folder_);
     std::vector<std::vector<std::uint32_t>> own(blocks.size());  // [block] its vertices
     for (std::size_t v = 0; v < mesh.positions.size(); ++v) {
-        const Vec3d at = mesh.positions[v].cast<double>();
+        const Vec3d at = mesh.positions[v].cast<double>() + origin_;
         std::size_t best = 0;
         for (std::size_t b = 1; b < blocks.size(); ++b)
             if (index_->grid.weight(blocks[b], at) > index_->grid.weight(blocks[best], at)) best = b;
@@ -46,7 +48,7 @@ void MeshSource::colour(Mesh& mesh, Report& report) const {
         if (own[b].empty()) continue;
         Mesh part;
         for (const std::uint32_t v : own[b]) part.positions.push_back(mesh.positions[v]);
-        colourVertices(flatModel(loadBlock(folder_, blocks[b]), 1), part, report);
+        colourVertices(movedModel(flatModel(loadBlock(folder_, blocks[b]), 1), origin_), part, report);
         for (std::size_t i = 0; i < own[b].size(); ++i) mesh.colours[own[b][i]] = part.colours[i];
     }
 }

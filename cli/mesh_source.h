@@ -16,8 +16,9 @@ namespace nerfvdb {
 
 class MeshSource {
 public:
-    /// A folder of blocks has density alone in memory. Throws as loadModel and loadBlock; UsageError for --shells of blocks.
-    MeshSource(const std::filesystem::path& path, const ShellWords& shells, Report& report);
+    /// A folder of blocks has density alone in memory. `origin`: the point of the model's world that is the mesh's origin.
+    /// Throws as loadModel and loadBlock; UsageError for --shells of blocks.
+    MeshSource(const std::filesystem::path& path, const ShellWords& shells, const Vec3d& origin, Report& report);
 
     /// Of blocks: their density joined, without features.
     const Model& model() const { return model_; }
@@ -29,6 +30,7 @@ public:
 
 private:
     std::filesystem::path folder_;
+    Vec3d origin_;
     std::optional<BlockIndex> index_;
     Model model_;
 };
