@@ -378,8 +378,8 @@ void tellResult(const PreparedPhotos& result, Report& report) {
 
 PreparedPhotos prepare(const fs::path& images, const fs::path& out, const PrepareOptions& options, Report& report) {
     const Layout layout(out);
-    Colmap colmap(layout, report);
     const std::vector<std::string> names = listPhotos(images, report);
+    Colmap colmap(layout, report);
     const std::vector<PhotoOrigin> origins = readOrigins(images, names);
     const int threads = threadCount();
 
