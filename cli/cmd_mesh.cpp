@@ -151,7 +151,8 @@ Command addMesh(CLI::App& program) {
     app.add_option("MODEL", words->model, "A model or a folder of blocks that 'nerfvdb train' made")->required();
     app.add_option("--out", words->out, "The mesh: .ply, .obj, .glb (glTF) or .stl (no colours); none has texture coordinates")->type_name("FILE");
     app.add_option("--compare", words->compare,
-                   "Measure distances to this mesh (.ply, binary, triangles), with or without --out")
+                   "Measure distances to this mesh (.ply, binary, triangles; its origin is that of --origin), with or without "
+                   "--out")
         ->type_name("TRUTH.ply");
     app.add_option(
            "--iso", words->iso,

@@ -19,23 +19,14 @@
 namespace nerfvdb {
 namespace {
 
-/// Whether a photograph whose header has a channel for alpha is transparent somewhere; mostly the first is. A damaged one may be.
-bool showAlpha(const Dataset& dataset) {
-    return std::any_of(dataset.views.begin(), dataset.views.end(), [](const View& view) {
-        try {
-            return readPhoto(view.path).has_alpha;
-        } catch (const Error&) {
-            return true;
-        }
-    });
-}
+constexpr std::size_t kPhotosRead = 10;  // of a split, to say what it shows
 
 /// Reads the split without pictures; an absent one gives nothing, unless it is the one that training needs.
 std::optional<Dataset> readSplit(const std::filesystem::path& path, Split split) {
     Report silent;  // warnings are part of the answer here
     try {
         Dataset dataset = readDataset(path, split, {.strict = false, .load_photos = false, .check_poses = false}, silent);
-        dataset.has_alpha = dataset.has_alpha && showAlpha(dataset);
+        dataset.has_alpha = isTransparent(dataset, kPhotosRead);
         return dataset;
     } catch (const Error&) {
         if (split == Split::train) throw;
@@ -101,7 +92,7 @@ void describeSplit(const char* name, const Dataset& dataset, Description& out) {
 
 /// Whether ten photographs, which are read for it, show an object before a plain background; masks do not count.
 bool arePlain(const Dataset& dataset) {
-    const std::size_t n_some = std::min<std::size_t>(10, dataset.views.size());
+    const std::size_t n_some = std::min(kPhotosRead, dataset.views.size());
     Dataset some;
     for (std::size_t n = 0; n < n_some; ++n) {
         some.views.push_back(dataset.views[n * dataset.views.size() / n_some]);

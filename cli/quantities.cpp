@@ -100,7 +100,7 @@ CLI::Validator positive() {
     const auto check = [](const std::string& text) {
         double value = 0;
         const bool is_number = CLI::detail::lexical_cast(text, value);
-        return is_number && value > 0 ? std::string() : "found '" + text + "', expected a number above 0";
+        return is_number && value > 0 && std::isfinite(value) ? std::string() : "found '" + text + "', expected a number above 0";
     };
     return CLI::Validator(check, "");
 }

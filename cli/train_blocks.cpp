@@ -11,13 +11,15 @@
 namespace nerfvdb {
 namespace {
 
-BlockIndex planIndex(const TrainRun& run, const BlockCount& count, Report& report) {
+/// `has_alpha`: of the whole scene; a block of it whose photographs are opaque is learned no differently.
+BlockIndex planIndex(const TrainRun& run, const BlockCount& count, Report& report, bool& has_alpha) {
     DatasetOptions cameras = run.photographs;
     cameras.load_photos = false;
     const Dataset dataset = readDataset(run.data, Split::train, cameras, report);
     BlockIndex index;
     index.grid = planBlocks(dataset, count.columns, count.rows, run.options.bounds);
     index.views = viewsOfBlocks(index.grid, dataset);
+    has_alpha = isTransparent(dataset, dataset.views.size());
     return index;
 }
 
@@ -67,7 +69,7 @@ std::vector<BlockId> chooseBlocks(const TrainRun& run, const BlockIndex& index, 
     if (left_out.size() == n_all)
         throw UsageError("--blocks", std::to_string(grid.columns) + "x" + std::to_string(grid.rows) +
                                          ", none with three photographs",
-                         "fewer blocks");
+                         "fewer blocks, or more photographs");
     if (!left_out.empty())
         report.warn(std::to_string(left_out.size()) + " of " + std::to_string(n_all) + " blocks are left out (first: " +
                     blockName(left_out.front()) + "): fewer than three photographs were taken there");
@@ -79,7 +81,8 @@ std::vector<BlockId> chooseBlocks(const TrainRun& run, const BlockIndex& index, 
 TrainOutcome trainBlocks(const TrainRun& run, const BlockCount& count, const std::optional<BlockId>& only,
                          Report& report) {
     prepareOutputFolder("--out", run.out);
-    const BlockIndex index = planIndex(run, count, report);
+    TrainRun whole = run;
+    const BlockIndex index = planIndex(run, count, report, whole.photographs.has_alpha);
     const BlockGrid& grid = index.grid;
     const std::vector<BlockId> blocks = chooseBlocks(run, index, only, report);
     writeBlockIndex(run.out, index);
@@ -93,7 +96,7 @@ TrainOutcome trainBlocks(const TrainRun& run, const BlockCount& count, const std
     TrainOutcome all;
     all.json = {{"command", "train"}, {"blocks", {grid.columns, grid.rows}}, {"trained", Json::array()}};
     for (const BlockId& block : blocks) {
-        const TrainRun part = blockRun(run, grid, block, viewsOf(block), rest);
+        const TrainRun part = blockRun(whole, grid, block, viewsOf(block), rest);
         rest -= viewsOf(block);
         report.info(formatted("block %s of %dx%d", blockName(block).c_str(), grid.columns, grid.rows));
         checkOutputs(part);

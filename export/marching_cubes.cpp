@@ -80,10 +80,9 @@ void warnIfCoarse(const VoxelField& field, Report& report) {
     const Box box = field.worldBox();
     const double largest = std::max(box.min.cwiseAbs().maxCoeff(), box.max.cwiseAbs().maxCoeff());
     if (largest * 0x1p-24 <= kOffCorner * field.frame().voxel_size) return;
-    char middle[96];
-    std::snprintf(middle, sizeof middle, "%.0f,%.0f,%.0f", box.center().x(), box.center().y(), box.center().z());
     report.warn("mesh: coordinates up to " + text(largest) + " with voxels of " + text(field.frame().voxel_size) +
-                " exceed what 32-bit floats tell apart; vertices may coincide. Choose a nearer origin, such as --origin " + middle);
+                " exceed what 32-bit floats tell apart; vertices may coincide. 'nerfvdb mesh --origin X,Y,Z', with a point of the "
+                "scene, keeps them apart");
 }
 
 std::string text(const Vec3d& p) { return text(p.x()) + ", " + text(p.y()) + ", " + text(p.z()); }

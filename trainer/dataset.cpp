@@ -2,6 +2,7 @@
 #include "trainer/dataset.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cstdio>
 #include <exception>
 #include <memory>
@@ -40,7 +41,7 @@ void checkPositionsDiffer(const Dataset& dataset) {
 /// A camera far from all others makes the scene as large as its distance: mostly a pose that is wrong.
 void warnOfStrays(Dataset& dataset) {
     constexpr double kFar = 100;  // of the median distance from the median place
-    constexpr std::size_t kFewest = 5;
+    constexpr std::size_t kFewest = 5, kSome = 10;  // of so many views one may be astray
     std::vector<Vec3d> places;
     for (const View& view : dataset.views)
         if (view.camera.position.allFinite()) places.push_back(view.camera.position);
@@ -61,24 +62,25 @@ void warnOfStrays(Dataset& dataset) {
     const double usual = median(distances);
     const auto isStray = [&](const View& view) { return (view.camera.position - middle).norm() > kFar * usual; };
     const auto first = std::find_if(dataset.views.begin(), dataset.views.end(), isStray);
-    if (usual <= 0 || first == dataset.views.end()) return;
+    const auto n = std::count_if(dataset.views.begin(), dataset.views.end(), isStray);
+    // Where many are, the others stand in one point, and it is they that are odd.
+    if (usual <= 0 || n == 0 || static_cast<std::size_t>(n) > std::max<std::size_t>(1, places.size() / kSome)) return;
     char times[32];
     std::snprintf(times, sizeof times, "%.0f", (first->camera.position - middle).norm() / usual);
     dataset.warnings.push_back(dataset.root.string() + ": " +
-                               std::to_string(std::count_if(dataset.views.begin(), dataset.views.end(), isStray)) + " of " +
-                               std::to_string(dataset.views.size()) + " cameras stand far from all others (first: " +
+                               std::to_string(n) + " of " + std::to_string(dataset.views.size()) + " cameras stand far from all others (first: " +
                                first->path.string() + ", " + times +
                                " times as far from the middle as most): where a pose is wrong, leave it out");
 }
 
 /// Finds the masks that the data set does not name.
-void findMasks(Dataset& dataset, const std::filesystem::path& folder) {
+void findMasks(Dataset& dataset, const std::filesystem::path& folder, bool warns) {
     for (View& view : dataset.views)
         if (view.mask_path.empty()) view.mask_path = findMask(view.path, folder);
     const auto hasMask = [](const View& view) { return !view.mask_path.empty(); };
-    if (std::filesystem::is_directory(folder / "masks") && std::none_of(dataset.views.begin(), dataset.views.end(), hasMask))
+    if (warns && std::filesystem::is_directory(folder / "masks") && std::none_of(dataset.views.begin(), dataset.views.end(), hasMask))
         dataset.warnings.push_back((folder / "masks").string() +
-                                   ": no mask has the name of a photograph, as NAME.png or NAME.jpg.png; all pixels count");
+                                   ": no mask has the name of a photograph, as NAME.png or NAME.jpg.png; none is used");
 }
 
 /// Returns whether the mask had another size.
@@ -92,19 +94,20 @@ bool loadMask(View& view, const DatasetOptions& options) {
         throw DataError((view.mask_path.empty() ? view.path : view.mask_path).string(),
                         "a mask that hides every block of " + std::to_string(options.downscale) + "x" +
                             std::to_string(options.downscale) + " pixels",
-                        "a block that counts as a whole", "use a smaller --downscale, or --no-masks");
+                        "a block that counts as a whole",
+                        view.mask_path.empty() ? "use a smaller --downscale, or no --alpha-masks" : "use a smaller --downscale, or --no-masks");
     return was_scaled;
 }
 
 /// What pixels say of alpha, where headers said only that there is a channel for it.
-void tellOfAlpha(Dataset& dataset, Report& report) {
+void tellOfAlpha(Dataset& dataset, bool has_alpha, bool warns, Report& report) {
     const auto n = std::count_if(dataset.views.begin(), dataset.views.end(), [](const View& v) { return v.photo.has_alpha; });
-    dataset.has_alpha = n > 0;
-    if (n == 0 || n == std::ssize(dataset.views)) return;
+    dataset.has_alpha = n > 0 || has_alpha;
+    if (!warns || n == 0 || n == std::ssize(dataset.views)) return;
     dataset.warnings.push_back(dataset.root.string() + ": " + std::to_string(n) + " of " +
                                std::to_string(dataset.views.size()) +
-                               " photographs are transparent somewhere: the scene is taken for an object before nothing, and the "
-                               "others show it everywhere; where alpha hides what is not to be learned, use --alpha-masks");
+                               " photographs are transparent somewhere, which says that nothing is there, and the others nowhere; "
+                               "where alpha hides what is not to be learned, use --alpha-masks");
     report.warn(dataset.warnings.back());
 }
 
@@ -152,7 +155,7 @@ std::unique_ptr<PhotoCache> cacheFor(const Dataset& dataset, const DatasetOption
 
 /// Decodes in blocks, in parallel: between blocks the caller hears how far it is and may stop it. An exception
 /// must not leave a parallel loop (which of several would win is chance): each is kept, the first is thrown.
-void loadPhotos(Dataset& dataset, const DatasetOptions& options, Report& report) {
+void loadPhotos(Dataset& dataset, Split split, const DatasetOptions& options, Report& report) {
     const std::size_t n = dataset.views.size();
     const std::unique_ptr<PhotoCache> cache = cacheFor(dataset, options, report);
     const std::size_t block = (cache ? 1 : 8) * static_cast<std::size_t>(threadCount());
@@ -178,7 +181,7 @@ void loadPhotos(Dataset& dataset, const DatasetOptions& options, Report& report)
         report.update(static_cast<std::int64_t>(end), "");
     }
     report.end();
-    tellOfAlpha(dataset, report);
+    tellOfAlpha(dataset, options.has_alpha && !options.alpha_masks, split == Split::train, report);
     tellOfMasks(dataset, was_scaled, report);
 }
 
@@ -200,14 +203,32 @@ Dataset readFrames(const std::filesystem::path& path, Split split, const Dataset
 Dataset readDataset(const std::filesystem::path& path, Split split, const DatasetOptions& options,
                     Report& report) {
     Dataset dataset = readFrames(path, split, options);
-    if (options.use_masks) findMasks(dataset, std::filesystem::is_directory(path) ? path : path.parent_path());
+    if (options.use_masks)
+        findMasks(dataset, std::filesystem::is_directory(path) ? path : path.parent_path(), split == Split::train && !options.alpha_masks);
+    else
+        for (View& view : dataset.views) view.mask_path.clear();
     if (split == Split::train) warnOfStrays(dataset);
     for (const std::string& warning : dataset.warnings) report.warn(warning);
     if (options.choose) std::erase_if(dataset.views, [&](const View& view) { return !options.choose(view.camera); });
     if (split == Split::train && options.check_poses) checkPositionsDiffer(dataset);
     if (options.downscale > 1) downscaleCameras(dataset, options.downscale);
-    if (options.load_photos) loadPhotos(dataset, options, report);
+    if (options.load_photos) loadPhotos(dataset, split, options, report);
     return dataset;
+}
+
+bool isTransparent(const Dataset& dataset, std::size_t most) {
+    const std::size_t n = std::min(most, dataset.views.size());
+    std::atomic<bool> found = false;
+    if (dataset.has_alpha)
+        parallelFor(n, [&](std::size_t i) {
+            if (found) return;
+            try {
+                if (readPhoto(dataset.views[i * dataset.views.size() / n].path).has_alpha) found = true;
+            } catch (const Error&) {
+                found = true;
+            }
+        });
+    return found;
 }
 
 double maskedShare(const Dataset& dataset) {

@@ -48,7 +48,8 @@ struct DatasetOptions {
     bool strict = false;      // a frame whose image is absent is an error, not a warning
     bool load_photos = true;  // false: cameras only (info, render)
     bool check_poses = true;  // false: cameras come as they are written, also unusable ones (info)
-    bool use_masks = true;    // with the photos
+    bool use_masks = true;
+    bool has_alpha = false;   // as a whole: of photos chosen from it, none need be transparent
     bool alpha_masks = false; // what alpha says shows nothing of the scene does not count instead
     int downscale = 1;        // photos, masks and cameras of 1/N of the width and height; see downscale.h
     std::optional<std::size_t> max_photo_bytes = {};  // photos that take more are kept in a PhotoCache ...
@@ -63,6 +64,10 @@ struct DatasetOptions {
 /// Throws DataError / IoError naming file and field, Interrupted when the report is cancelled between photos.
 /// What is wrong does not depend on threads: of several bad photos or masks the first is named.
 Dataset readDataset(const std::filesystem::path& path, Split split, const DatasetOptions& options, Report& report);
+
+/// Whether any of so many photographs, evenly chosen, whose header has a channel for alpha is transparent somewhere. Reads them,
+/// mostly the first is. One that cannot be read may be.
+bool isTransparent(const Dataset& dataset, std::size_t most);
 
 /// Share of the pixels of all photographs that masks leave out, [0, 1].
 double maskedShare(const Dataset& dataset);

@@ -87,7 +87,7 @@ void maskByAlpha(Photo& photo, PixelMask& mask, const fs::path& path) {
     photo.has_alpha = false;
     if (both.count() == 0)
         throw DataError(path.string(), "alpha that, as a mask, leaves no pixel", "pixels that are half opaque and more",
-                        "leave out the photograph, or --alpha-masks");
+                        "leave out the photograph, or do without --alpha-masks");
     mask = std::move(both);
 }
 

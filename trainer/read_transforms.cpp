@@ -73,9 +73,9 @@ ListedFrame findImage(const JsonNode& frame, std::size_t index, const fs::path& 
         return false;
     };
     if (placeInside(file_path, isThere)) return {index, file_path, image, true};
-    const std::optional<fs::path> relative = pathInside(file_path);
+    const std::optional<fs::path> relative = pathInside(fs::path(file_path).filename().string());
     if (!relative) node.fail("'" + file_path + "'", "a path inside the data folder", kNoPlace);
-    fs::path expected = folder / *relative;
+    fs::path expected = folder / pathInside(file_path).value_or(*relative);
     if (!expected.has_extension()) expected += ".png";
     return {index, file_path, expected, false};
 }
@@ -233,16 +233,27 @@ Camera readCamera(const JsonNode& frame, const Lens& file_lens, const ListedFram
     return camera;
 }
 
-/// Where a frame's mask lies, or nothing. One that is named and absent would let in what it was to hide.
-fs::path namedMask(const JsonNode& frame, const fs::path& folder) {
+/// Where a frame's mask lies, or nothing. One that is named and absent would let in what it was to hide. No photograph is its own.
+fs::path namedMask(const JsonNode& frame, const fs::path& folder, const fs::path& image) {
     if (!frame.has("mask_path")) return {};
     const JsonNode node = frame.at("mask_path");
     const std::string name = node.text();
-    if (const auto relative = placeInside(name, [&](const fs::path& place) { return isFile(folder / place); }))
+    const auto isMask = [&](const fs::path& place) { return folder / place != image && isFile(folder / place); };
+    if (const auto relative = placeInside(name, isMask))
         return folder / *relative;
     const std::optional<fs::path> relative = pathInside(name);
     if (!relative) node.fail("'" + name + "'", "a path inside the data folder", kNoPlace);
     node.fail("no file " + (folder / *relative).string(), "the frame's mask", "add it, or remove the key");
+}
+
+/// Images that were found by the end of a path of another machine.
+void warnOfMoved(const std::vector<ListedFrame>& frames, const fs::path& file, std::vector<std::string>& warnings) {
+    const auto isMoved = [](const ListedFrame& frame) { return frame.has_image && !pathInside(frame.name); };
+    const auto first = std::find_if(frames.begin(), frames.end(), isMoved);
+    if (first == frames.end()) return;
+    warnings.push_back(file.string() + ": " + std::to_string(std::count_if(frames.begin(), frames.end(), isMoved)) + " of " +
+                       std::to_string(frames.size()) + " paths lead out of the data folder; images of their names in it are taken (" +
+                       first->image.string() + " for " + first->name + ")");
 }
 
 /// Whether a camera moves while the photograph is taken, as instant-ngp has it.
@@ -298,6 +309,7 @@ Dataset readTransforms(const fs::path& path, Split split, bool strict, bool chec
     for (std::size_t i = 0; i < list.arraySize(); ++i)
         frames.push_back(findImage(list.element(i), i, source.file.parent_path()));
 
+    warnOfMoved(frames, source.file, dataset.warnings);
     // Absent images go first, so that every 8th is counted among those that exist.
     dropAbsent(frames, source.file.string() + ": frames", strict, dataset.warnings);
     warnOfSharedImages(frames, source.file.string(), dataset.warnings);
@@ -319,7 +331,7 @@ Dataset readTransforms(const fs::path& path, Split split, bool strict, bool chec
         View view;
         view.camera = readCamera(node, lens, frame, image, check_poses);
         view.path = frame.image;
-        view.mask_path = namedMask(node, source.file.parent_path());
+        view.mask_path = namedMask(node, source.file.parent_path(), view.path);
         dataset.views.push_back(std::move(view));
     }
     return dataset;

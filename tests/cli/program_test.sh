@@ -318,6 +318,12 @@ JSON
     expect 2 mesh model.vdb --out nothing.ply --bounds 100,100,100,101,101,101
     expect 2 mesh model.vdb --out mesh.ply --stream --min-faces 9
     says err "--stream"
+    expect 0 mesh model.vdb --out moved.ply --origin 100,-50,7 --json moved.json
+    says moved.json '"origin"'
+    expect 0 mesh model.vdb --compare moved.ply --origin 100,-50,7 --json moved.json
+    awk -F'[:,]' '/"chamfer"/ { exit !($2 < 1e-3) }' moved.json || fail "moved twice: $(cat moved.json)"
+    expect 0 mesh model.vdb --compare moved.ply --json moved.json
+    awk -F'[:,]' '/"chamfer"/ { exit !($2 > 10) }' moved.json || fail "not moved: $(cat moved.json)"
     expect 2 mesh model.vdb --out mesh.ply --compare mesh.ply
     says err "it would be overwritten"
     expect 1 mesh model.vdb --out none.ply --min-faces 100000000
@@ -646,6 +652,9 @@ test_blocks() {
     expect 2 mesh parts --out mesh.ply --stream
     says err "--no-colours"
     expect 0 mesh parts --out streamed.ply --stream --no-colours
+    expect 0 mesh parts --out moved.ply --origin 100,-50,7 --bounds=-1,-1,-1,1,1,1
+    expect 0 mesh parts --compare moved.ply --origin 100,-50,7 --bounds=-1,-1,-1,1,1,1 --json moved.json
+    awk -F'[:,]' '/"chamfer"/ { exit !($2 < 1e-3) }' moved.json || fail "moved twice: $(cat moved.json)"
 }
 
 test_photographs() {

@@ -66,7 +66,7 @@ TEST_CASE("alpha is what pixels say, not what headers have room for", "[trainer]
     writeImage(scene.dir / "images/104.png", opaque);
     CHECK(readDataset(scene.dir.path(), Split::train, {}, notes).has_alpha);
     REQUIRE(notes.warnings.size() == 1);
-    CHECK_THAT(notes.warnings[0], Contains("1 of 6 photographs are transparent somewhere") && Contains("--alpha-masks"));
+    CHECK_THAT(notes.warnings[0], Contains("1 of 6 photographs are transparent somewhere, which") && Contains("--alpha-masks"));
 }
 
 TEST_CASE("a camera far from all others is told", "[trainer]") {

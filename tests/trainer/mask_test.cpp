@@ -135,6 +135,11 @@ TEST_CASE("a data set reads the masks beside its images, and says what they leav
     CHECK(all.views[0].mask.empty());
     CHECK(without.infos.empty());
     CHECK(datasetHash(all) != datasetHash(dataset));
+    scene.frame(1)["mask_path"] = "masks/100.png";  // named masks, too
+    scene.save("transforms_train.json");
+    CHECK(readDataset(scene.dir.path(), Split::train, options, without).views[1].mask.empty());
+    scene.frame(1).erase("mask_path");
+    scene.save("transforms_train.json");
 
     for (const char* name : {"masks/101.png", "masks/103.png"}) writeGrey(scene.dir / name, 20, 10, 0);
     CHECK_THROWS_WITH(readDataset(scene.dir.path(), Split::train, {}, notes), Contains("101.png"));
@@ -169,7 +174,7 @@ TEST_CASE("alpha can be a mask: what is more than half transparent does not coun
     maskByAlpha(both, none, "a.png");  // opaque now
     CHECK(none.empty());
     for (Photo::Pixel& pixel : photo.pixels) pixel[3] = 3;
-    CHECK_THROWS_WITH(maskByAlpha(photo, none, "a.png"), Contains("a.png") && Contains("--alpha-masks"));
+    CHECK_THROWS_WITH(maskByAlpha(photo, none, "a.png"), Contains("a.png") && Contains("without --alpha-masks"));
 
     SceneFolder scene(2, 4);  // alpha 0 everywhere, ...
     for (int i = 0; i < 2; ++i) {

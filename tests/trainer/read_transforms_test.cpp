@@ -114,8 +114,18 @@ TEST_CASE("paths of another machine are found in the folder, and an image with t
     const Dataset train = readTransforms(scene.dir.path(), Split::train, true);
     CHECK(namesOf(train) == Names{"100", "101", "102", "102"});
     CHECK(train.views[2].mask_path == scene.dir / "images/103.png");
-    REQUIRE(train.warnings.size() == 1);
-    CHECK_THAT(train.warnings[0], Contains("1 of 4 frames") && Contains("102.png") && Contains("no photograph has two poses"));
+    REQUIRE(train.warnings.size() == 2);
+    CHECK_THAT(train.warnings[0], Contains("1 of 4 paths lead out of the data folder") && Contains("/home/me/scene/images/102.png"));
+    CHECK_THAT(train.warnings[1], Contains("1 of 4 frames") && Contains("102.png") && Contains("no photograph has two poses"));
+
+    // A mask that is not there is no photograph of its name, and one absent image does not cost the others.
+    scene.frame(2)["mask_path"] = "/home/me/masks/images/102.png";
+    scene.save("transforms_train.json");
+    CHECK_THROWS_WITH(readTransforms(scene.dir.path(), Split::train, true), Contains("frames[2].mask_path"));
+    scene.frame(2).erase("mask_path");
+    scene.frame(2)["file_path"] = "/home/me/scene/images/nothing.png";
+    scene.save("transforms_train.json");
+    CHECK(readTransforms(scene.dir.path(), Split::train, false).views.size() == 3);
 }
 
 TEST_CASE("depth maps and cameras that move are named once, where photographs are learned from", "[trainer]") {
@@ -347,10 +357,11 @@ TEST_CASE("what makes no camera is named by file and field", "[trainer]") {
         {"folding lens", [](SceneFolder& s) { s.document["k1"] = -3.0; }, {"frames[1]", "folds"}},
         {"upward",
          [](SceneFolder& s) { s.frame(1)["file_path"] = "images/../../secret.png"; },
-         {"frames[1].file_path", "inside the data folder"}},
+         {"no frame for the train split (2 listed)"}},  // the other is held out
         {"absolute",
          [](SceneFolder& s) { s.frame(1)["file_path"] = "/etc/passwd"; },
-         {"inside the data folder"}},
+         {"no frame for the train split"}},
+        {"no name", [](SceneFolder& s) { s.frame(1)["file_path"] = ".."; }, {"frames[1].file_path", "inside the data folder"}},
         {"aabb_scale", [](SceneFolder& s) { s.document["aabb_scale"] = 0; }, {"aabb_scale: found 0"}},
     };
     for (const Case& c : cases) {
