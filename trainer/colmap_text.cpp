@@ -35,7 +35,8 @@ public:
         std::size_t number = 0;
         if (begin == rest_.npos) return std::nullopt;
         const char* const digits = rest_.data() + begin + words.size();
-        return std::from_chars(digits, rest_.data() + rest_.size(), number).ec == std::errc() ? std::optional(number) : std::nullopt;
+        if (std::from_chars(digits, rest_.data() + rest_.size(), number).ec != std::errc()) return std::nullopt;
+        return number;
     }
 
     std::string_view word(const char* what) {

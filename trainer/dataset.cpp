@@ -15,6 +15,7 @@
 #include "trainer/read_colmap.h"
 #include "trainer/read_llff.h"
 #include "trainer/read_transforms.h"
+#include "trainer/stray_cameras.h"
 
 namespace nerfvdb {
 namespace {
@@ -38,47 +39,13 @@ void checkPositionsDiffer(const Dataset& dataset) {
                         "check the poses (in a transform_matrix, the last column)");
 }
 
-/// A camera far from all others makes the scene as large as its distance: mostly a pose that is wrong.
-void warnOfStrays(Dataset& dataset) {
-    constexpr double kFar = 100;  // of the median distance from the median place
-    constexpr std::size_t kFewest = 5, kSome = 10;  // of so many views one may be astray
-    std::vector<Vec3d> places;
-    for (const View& view : dataset.views)
-        if (view.camera.position.allFinite()) places.push_back(view.camera.position);
-    if (places.size() < kFewest) return;
-    const auto median = [](std::vector<double> values) {
-        const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-        std::nth_element(values.begin(), middle, values.end());
-        return *middle;
-    };
-    Vec3d middle;
-    for (int axis = 0; axis < 3; ++axis) {
-        std::vector<double> along;
-        for (const Vec3d& place : places) along.push_back(place[axis]);
-        middle[axis] = median(along);
-    }
-    std::vector<double> distances;
-    for (const Vec3d& place : places) distances.push_back((place - middle).norm());
-    const double usual = median(distances);
-    const auto isStray = [&](const View& view) { return (view.camera.position - middle).norm() > kFar * usual; };
-    const auto first = std::find_if(dataset.views.begin(), dataset.views.end(), isStray);
-    const auto n = std::count_if(dataset.views.begin(), dataset.views.end(), isStray);
-    // Where many are, the others stand in one point, and it is they that are odd.
-    if (usual <= 0 || n == 0 || static_cast<std::size_t>(n) > std::max<std::size_t>(1, places.size() / kSome)) return;
-    char times[32];
-    std::snprintf(times, sizeof times, "%.0f", (first->camera.position - middle).norm() / usual);
-    dataset.warnings.push_back(dataset.root.string() + ": " +
-                               std::to_string(n) + " of " + std::to_string(dataset.views.size()) + " cameras stand far from all others (first: " +
-                               first->path.string() + ", " + times +
-                               " times as far from the middle as most): where a pose is wrong, leave it out");
-}
-
 /// Finds the masks that the data set does not name.
 void findMasks(Dataset& dataset, const std::filesystem::path& folder, bool warns) {
     for (View& view : dataset.views)
         if (view.mask_path.empty()) view.mask_path = findMask(view.path, folder);
     const auto hasMask = [](const View& view) { return !view.mask_path.empty(); };
-    if (warns && std::filesystem::is_directory(folder / "masks") && std::none_of(dataset.views.begin(), dataset.views.end(), hasMask))
+    const bool has_some = std::any_of(dataset.views.begin(), dataset.views.end(), hasMask);
+    if (warns && !has_some && std::filesystem::is_directory(folder / "masks"))
         dataset.warnings.push_back((folder / "masks").string() +
                                    ": no mask has the name of a photograph, as NAME.png or NAME.jpg.png; none is used");
 }
@@ -90,12 +57,14 @@ bool loadMask(View& view, const DatasetOptions& options) {
     if (options.alpha_masks) maskByAlpha(view.photo, view.mask, view.path);
     if (view.mask.empty() || options.downscale == 1) return was_scaled;
     view.mask = downscaled(view.mask, options.downscale);
-    if (view.mask.count() == 0)
-        throw DataError((view.mask_path.empty() ? view.path : view.mask_path).string(),
+    if (view.mask.count() == 0) {
+        const bool is_alpha = view.mask_path.empty();
+        throw DataError((is_alpha ? view.path : view.mask_path).string(),
                         "a mask that hides every block of " + std::to_string(options.downscale) + "x" +
                             std::to_string(options.downscale) + " pixels",
                         "a block that counts as a whole",
-                        view.mask_path.empty() ? "use a smaller --downscale, or no --alpha-masks" : "use a smaller --downscale, or --no-masks");
+                        std::string("use a smaller --downscale, or ") + (is_alpha ? "no --alpha-masks" : "--no-masks"));
+    }
     return was_scaled;
 }
 
@@ -204,10 +173,11 @@ Dataset readDataset(const std::filesystem::path& path, Split split, const Datase
                     Report& report) {
     Dataset dataset = readFrames(path, split, options);
     if (options.use_masks)
-        findMasks(dataset, std::filesystem::is_directory(path) ? path : path.parent_path(), split == Split::train && !options.alpha_masks);
+        findMasks(dataset, std::filesystem::is_directory(path) ? path : path.parent_path(),
+                  /*warns=*/split == Split::train && !options.alpha_masks);
     else
         for (View& view : dataset.views) view.mask_path.clear();
-    if (split == Split::train) warnOfStrays(dataset);
+    if (split == Split::train) warnOfStrayCameras(dataset);
     for (const std::string& warning : dataset.warnings) report.warn(warning);
     if (options.choose) std::erase_if(dataset.views, [&](const View& view) { return !options.choose(view.camera); });
     if (split == Split::train && options.check_poses) checkPositionsDiffer(dataset);

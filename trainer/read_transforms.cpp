@@ -233,7 +233,8 @@ Camera readCamera(const JsonNode& frame, const Lens& file_lens, const ListedFram
     return camera;
 }
 
-/// Where a frame's mask lies, or nothing. One that is named and absent would let in what it was to hide. No photograph is its own.
+/// Where a frame's mask lies, or nothing. One that is named and absent would let in what it was to hide. No photograph is its
+/// own mask.
 fs::path namedMask(const JsonNode& frame, const fs::path& folder, const fs::path& image) {
     if (!frame.has("mask_path")) return {};
     const JsonNode node = frame.at("mask_path");
@@ -252,8 +253,9 @@ void warnOfMoved(const std::vector<ListedFrame>& frames, const fs::path& file, s
     const auto first = std::find_if(frames.begin(), frames.end(), isMoved);
     if (first == frames.end()) return;
     warnings.push_back(file.string() + ": " + std::to_string(std::count_if(frames.begin(), frames.end(), isMoved)) + " of " +
-                       std::to_string(frames.size()) + " paths lead out of the data folder; images of their names in it are taken (" +
-                       first->image.string() + " for " + first->name + ")");
+                       std::to_string(frames.size()) +
+                       " paths lead out of the data folder; images of their names in it are taken (" + first->image.string() +
+                       " for " + first->name + ")");
 }
 
 /// Whether a camera moves while the photograph is taken, as instant-ngp has it.
