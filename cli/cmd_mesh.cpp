@@ -49,7 +49,8 @@ void checkWords(const MeshWords& words) {
 }
 
 /// The mesh is never in memory, so nothing about its pieces is known, and none is dropped.
-void streamMesh(const MeshWords& words, const MeshSource& source, MeshOptions options, TerminalReport& report) {
+void streamMesh(const MeshWords& words, const MeshSource& source, MeshOptions options, const Vec3d& origin,
+                TerminalReport& report) {
     if (!source.hasFeatures() && !words.no_colours)
         throw UsageError("--stream", "a folder of blocks", "--no-colours too", "colours are added block by block, at the end");
     const Model& model = source.model();
@@ -60,6 +61,7 @@ void streamMesh(const MeshWords& words, const MeshSource& source, MeshOptions op
     words.shared.finish({{"command", "mesh"},
                          {"out", words.out},
                          {"iso", options.iso.value_or(automaticIso(model.field))},
+                         {"origin", {origin.x(), origin.y(), origin.z()}},
                          {"file_bytes", bytes},
                          {"peak_memory_bytes", peakMemoryBytes()}},
                         formatted("%s: %s\n", words.out.c_str(), sizeText(static_cast<double>(bytes)).c_str()));
@@ -94,7 +96,7 @@ void runMesh(const MeshWords& words) {
     const Model& model = source.model();
     const double iso = options.iso.value_or(automaticIso(model.field));
     if (words.fill_inside) source.makeUnseenSolid(iso, report);
-    if (words.stream) return streamMesh(words, source, options, report);
+    if (words.stream) return streamMesh(words, source, options, origin, report);
     Mesh mesh = extractSurface(model, options, report);
     const bool had_surface = !mesh.triangles.empty();
     const IslandCounts islands = reworkMesh(mesh, words.rework, report);
@@ -149,7 +151,9 @@ Command addMesh(CLI::App& program) {
     CLI::App& app =
         *program.add_subcommand("mesh", "Extract the surface of a model as a coloured triangle mesh");
     app.add_option("MODEL", words->model, "A model or a folder of blocks that 'nerfvdb train' made")->required();
-    app.add_option("--out", words->out, "The mesh: .ply, .obj, .glb (glTF) or .stl (no colours); none has texture coordinates")->type_name("FILE");
+    app.add_option("--out", words->out,
+                   "The mesh: .ply, .obj, .glb (glTF) or .stl (no colours); none has texture coordinates")
+        ->type_name("FILE");
     app.add_option("--compare", words->compare,
                    "Measure distances to this mesh (.ply, binary, triangles; its origin is that of --origin), with or without "
                    "--out")

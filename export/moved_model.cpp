@@ -6,6 +6,7 @@
 namespace nerfvdb {
 
 Model movedModel(Model model, const Vec3d& origin) {
+    if (origin.isZero(0)) return model;
     VoxelField& field = model.field;
     GridFrame frame = field.frame();
     frame.origin -= origin;

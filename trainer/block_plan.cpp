@@ -6,6 +6,7 @@
 #include <string>
 
 #include "core/error.h"
+#include "trainer/scene_box.h"
 #include "trainer/scene_shells.h"
 
 namespace nerfvdb {
@@ -32,11 +33,7 @@ int upAxis(const Dataset& dataset, const Box& cameras) {
 BlockGrid planBlocks(const Dataset& dataset, int columns, int rows, const std::optional<Box>& bounds) {
     if (dataset.views.empty())
         throw DataError(dataset.root.string(), "no views to train on", "at least one posed photograph");
-    Box cameras{dataset.views.front().camera.position, dataset.views.front().camera.position};
-    for (const View& view : dataset.views) {
-        cameras.min = cameras.min.cwiseMin(view.camera.position);
-        cameras.max = cameras.max.cwiseMax(view.camera.position);
-    }
+    const Box cameras = boxOfCameras(dataset);
     const int up = upAxis(dataset, cameras);
     Box region = findSceneShells(dataset, bounds).inner;
     const BlockGrid axes{.columns = columns, .rows = rows, .up = up};

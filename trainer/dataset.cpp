@@ -150,7 +150,7 @@ void loadPhotos(Dataset& dataset, Split split, const DatasetOptions& options, Re
         report.update(static_cast<std::int64_t>(end), "");
     }
     report.end();
-    tellOfAlpha(dataset, options.has_alpha && !options.alpha_masks, split == Split::train, report);
+    tellOfAlpha(dataset, options.has_alpha, split == Split::train, report);
     tellOfMasks(dataset, was_scaled, report);
 }
 

@@ -10,6 +10,7 @@
 #include "core/error.h"
 #include "trainer/colmap_lens.h"
 #include "trainer/posed_frames.h"
+#include "trainer/scene_box.h"
 
 namespace nerfvdb {
 namespace {
@@ -139,7 +140,7 @@ View viewOf(const ListedFrame& frame, const Camera& stated, const ColmapPart<Col
         throw DataError(placeOf(images, images.entries[frame.index]),
                         frame.image.string() + " of " + sizeText(header.width, header.height) + " pixels",
                         sizeText(stated.width, stated.height) + " as its camera, or another size of that aspect",
-                        adviceOnAspect(static_cast<double>(stated.width), stated.height, header.width, header.height));
+                        adviceOnAspect(stated.width, stated.height, header.width, header.height));
     has_alpha |= header.has_alpha;
     View view;
     const bool is_same = header.width == stated.width && header.height == stated.height;
@@ -149,21 +150,17 @@ View viewOf(const ListedFrame& frame, const Camera& stated, const ColmapPart<Col
 }
 
 /// Takes out points at infinity, as matches along the baseline make them.
-void dropInfinitePoints(const std::vector<View>& views, ColmapPart<ColmapPoint>& points, std::vector<std::string>& warnings) {
-    constexpr double kInfinite = 1e6;  // of the cameras' extent: a pixel between neighbours is seen at a thousandth of it
-    Box cameras{views.front().camera.position, views.front().camera.position};
-    for (const View& view : views) {
-        cameras.min = cameras.min.cwiseMin(view.camera.position);
-        cameras.max = cameras.max.cwiseMax(view.camera.position);
-    }
+void dropInfinitePoints(ColmapPart<ColmapPoint>& points, Dataset& dataset) {
+    constexpr double kInfinite = 1e6;  // of the cameras' extent; at a thousand a point moves by about a pixel between them
+    const Box cameras = boxOfCameras(dataset);
     const double farthest = kInfinite * cameras.size().norm();
     const std::size_t n_all = points.entries.size();
     const std::size_t n_infinite = std::erase_if(points.entries, [&](const ColmapPoint& point) {
         return !(farthest == 0 ? point.position.allFinite() : (point.position - cameras.center()).norm() <= farthest);
     });
     if (n_infinite > 0)
-        warnings.push_back(points.file.string() + ": " + std::to_string(n_infinite) + " of " + std::to_string(n_all) +
-                           " points are not finite, or as good as infinitely far away, and are left out");
+        dataset.warnings.push_back(points.file.string() + ": " + std::to_string(n_infinite) + " of " + std::to_string(n_all) +
+                                   " points are not finite, or as good as infinitely far away, and are left out");
 }
 
 std::vector<Vec3d> usefulPoints(const ColmapPart<ColmapPoint>& points) {
@@ -213,7 +210,7 @@ Dataset readColmap(const fs::path& folder, Split split, bool strict) {
         const Camera stated = cameraOfImage(cameras, images, images.entries[frame.index]);
         dataset.views.push_back(viewOf(frame, stated, images, dataset.has_alpha));
     }
-    dropInfinitePoints(dataset.views, points, dataset.warnings);
+    dropInfinitePoints(points, dataset);
     dataset.points = usefulPoints(points);
     if (const auto error = reprojectionError(cameras, images, points); error && !(*error < kGoodReprojection))
         dataset.warnings.push_back(model.string() + ": its points are " + pixelsText(*error) +

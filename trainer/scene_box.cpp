@@ -103,4 +103,13 @@ Box findCommonView(const Dataset& dataset) {
     return boundsOfShared(dataset, around).value_or(around);
 }
 
+Box boxOfCameras(const Dataset& dataset) {
+    Box box{dataset.views.front().camera.position, dataset.views.front().camera.position};
+    for (const View& view : dataset.views) {
+        box.min = box.min.cwiseMin(view.camera.position);
+        box.max = box.max.cwiseMax(view.camera.position);
+    }
+    return box;
+}
+
 }  // namespace nerfvdb

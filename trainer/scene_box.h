@@ -25,4 +25,7 @@ Box boundsOfCells(const GridFrame& frame, const Topology& topology);
 /// are parallel.
 Vec3d commonFocus(const Dataset& dataset);
 
+/// Where the cameras of all views, at least one, stand.
+Box boxOfCameras(const Dataset& dataset);
+
 }  // namespace nerfvdb

@@ -37,15 +37,6 @@ double medianOf(const Dataset& dataset, const Value& value) {
     return values[values.size() / 2];
 }
 
-Box boxOfCameras(const Dataset& dataset) {
-    Box box{dataset.views.front().camera.position, dataset.views.front().camera.position};
-    for (const View& view : dataset.views) {
-        box.min = box.min.cwiseMin(view.camera.position);
-        box.max = box.max.cwiseMax(view.camera.position);
-    }
-    return box;
-}
-
 Box grown(const Box& box, double margin) {
     return {box.min - Vec3d::Constant(margin), box.max + Vec3d::Constant(margin)};
 }
