@@ -212,6 +212,7 @@ Plot qualityPlot(const BenchResult& result) {
     plot.x.label = "wall time, s";
     plot.y.label = "PSNR of held-out views, dB";
     plot.x.is_log = true;
+    markFront(plot);
     return plot;
 }
 

@@ -5,12 +5,14 @@
 #include <cmath>
 #include <memory>
 
+#include "bench/half_precision.h"
 #include "bench/number_text.h"
 #include "bench/repeat.h"
 #include "bench/result_plot.h"
 #include "core/error.h"
 #include "core/metrics.h"
 #include "trainer/evaluate.h"
+#include "vdb/adapt.h"
 #include "vdb/renderer.h"
 
 namespace nerfvdb {
@@ -21,6 +23,7 @@ struct Setting {
     double value = 0;
     RenderOptions render;
     double scale = 1;  // of width and height
+    bool half_precision = false;
 };
 
 std::vector<Setting> settings() {
@@ -46,6 +49,7 @@ std::vector<Setting> settings() {
         all.back().render.min_alpha = static_cast<float>(alpha);
     }
     for (const double scale : {1.0, 0.75, 0.5, 0.25}) all.push_back({"resolution", scale, {}, scale});
+    for (const double bits : {32.0, 16.0}) all.push_back({"bits of a value", bits, {}, 1, bits == 16});
     return all;
 }
 
@@ -54,6 +58,18 @@ RenderOptions finestOptions() {
     options.trace = {.step_voxels = 0.125f, .stop_transmittance = 0, .min_weight = 0, .max_dropped = 0};
     options.min_alpha = 0;
     return options;
+}
+
+/// The same with densities and features of 16 bits; rendering still reads 32, so its time is no other.
+Model inHalfPrecision(const Model& model) {
+    Model half;
+    half.field = copyField(model.field, model.field.topology());
+    storeInHalfPrecision(half.field.density());
+    storeInHalfPrecision(half.field.features());
+    half.decoder = model.decoder;
+    half.background = model.background;
+    half.sky = model.sky;
+    return half;
 }
 
 int scaledSize(int size, double scale) { return std::max(1, static_cast<int>(std::lround(size * scale))); }
@@ -116,10 +132,11 @@ BenchResult benchRender(const Subject& subject, const SweepOptions& options, Rep
                       {"feature_samples", "", Better::lower, Noise::exact, 0.01, 0}};
 
     const std::vector<Setting> all = settings();
+    const Model half = inHalfPrecision(subject.model);
     std::vector<Work> works;
     std::vector<std::function<void()>> bodies;
     for (const Setting& setting : all) {
-        Work work{std::make_unique<Renderer>(subject.model, setting.render), {}};
+        Work work{std::make_unique<Renderer>(setting.half_precision ? half : subject.model, setting.render), {}};
         double psnr_finest = 0, psnr_photos = 0;
         TraceCounters counters;
         for (std::size_t v = 0; v < views.size(); ++v) {

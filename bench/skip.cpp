@@ -5,6 +5,7 @@
 #include <deque>
 #include <optional>
 
+#include "bench/number_text.h"
 #include "bench/repeat.h"
 #include "bench/result_plot.h"
 #include "bench/stopwatch.h"
@@ -242,8 +243,23 @@ BenchResult benchSkip(const Subject& subject, const SkipOptions& options, Report
                            " steps, timed once; samples and PSNR are those of its model's held-out views");
     result.notes.push_back("a whole training without all of these: a dense grid of at most 128 voxels a side, and the same steps "
                            "with skipping");
+    const std::vector<std::string> costly = costlySkips(result);
+    result.notes.push_back(costly.empty() ? "no kind of skipping costs more than " + numberText(kMostLost) + " dB"
+                                          : "skipping that costs more than " + numberText(kMostLost) + " dB:");
+    result.notes.insert(result.notes.end(), costly.begin(), costly.end());
     result.notes.push_back("training steps are done with all rates zero, on the finished model");
     return result;
+}
+
+std::vector<std::string> costlySkips(const BenchResult& result) {
+    const std::size_t with = result.column("psnr_with"), without = result.column("psnr_without");
+    std::vector<std::string> costly;
+    for (const BenchRow& row : result.rows) {
+        if (row.cells[with].empty() || row.cells[without].empty()) continue;
+        const double lost = result.median(row, "psnr_without") - result.median(row, "psnr_with");
+        if (!(lost <= kMostLost)) costly.push_back(row.series + ", " + row.label + ": " + numberText(lost) + " dB");
+    }
+    return costly;
 }
 
 Plot skipPlot(const BenchResult& result) {

@@ -3,6 +3,9 @@
 // each.
 #pragma once
 
+#include <string>
+#include <vector>
+
 #include "bench/plot.h"
 #include "bench/result.h"
 #include "bench/scene.h"
@@ -28,6 +31,11 @@ struct SkipOptions {
 /// TrainOptions::keep_unseen. All of these: in rendering all switches at once, in a whole training
 /// TrainOptions::skip_nothing.
 BenchResult benchSkip(const Subject& subject, const SkipOptions& options, Report& report);
+
+inline constexpr double kMostLost = 0.05;  // dB that skipping may cost
+
+/// The rows whose PSNR with skipping is lower than without by more than kMostLost: "rendering, behind surfaces: 0.07 dB".
+std::vector<std::string> costlySkips(const BenchResult& result);
 
 /// Time without each kind over time with all of them.
 Plot skipPlot(const BenchResult& result);

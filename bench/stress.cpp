@@ -16,7 +16,7 @@
 namespace nerfvdb {
 namespace {
 
-constexpr std::int64_t kShortSteps = 40, kLongSteps = 120;  // of a training on hard input
+constexpr std::int64_t kShortSteps = 40, kLongSteps = 400;  // of a training on hard input
 constexpr int kShortScenes = 30, kLongScenes = 500;         // that try to break the bound of skipping
 
 /// Rays on every instruction set; the areas are told apart by its name.

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 
+#include "bench/half_precision.h"
 #include "bench/number_text.h"
 #include "bench/ray_reference.h"
 #include "bench/result_plot.h"
@@ -408,18 +409,6 @@ Truth truthOf(const TraceScene& scene, const std::vector<Ray>& rays, double step
             {seen.colour(0, kBackground), seen.colour(1, kBackground), seen.colour(2, kBackground)});
     }
     return truth;
-}
-
-/// The nearest number of half precision (IEEE 754 binary16): 11 digits, not below 2^-24.
-float inHalfPrecision(float value) {
-    int exponent;
-    std::frexp(value, &exponent);
-    const int last_digit = std::max(exponent - 11, -24);
-    return std::ldexp(std::nearbyint(std::ldexp(value, -last_digit)), last_digit);
-}
-
-void storeInHalfPrecision(std::span<float> values) {
-    for (float& value : values) value = inHalfPrecision(value);
 }
 
 /// The same sigma and colours as an export has them: at voxels, and linear between them.

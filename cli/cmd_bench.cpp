@@ -290,7 +290,7 @@ Command addBench(CLI::App& program) {
         runs->push_back({stress, [words] { runStressSuite(*words); }});
     }
 
-    CLI::App* const everything = bench.add_subcommand("all", "All of these, as without a kind");
+    CLI::App* const everything = bench.add_subcommand("all", "All of these but stress, as without a kind");
     addShared(*everything, all, "  nerfvdb bench all --quick --out results");
     addScenes(*everything);
     runs->push_back({everything, [all] { runAll(*all); }});

@@ -6,6 +6,7 @@
 #include "cli/commands.h"
 #include "cli/output_path.h"
 #include "cli/process.h"
+#include "cli/quantities.h"
 #include "core/error.h"
 #include "export/marching_cubes.h"
 #include "export/mesh_io.h"
@@ -124,7 +125,7 @@ Command addSynth(CLI::App& program) {
     number("--resolution", words->resolution, "Voxels along the truth's longest edge", 16, 2048);
     app.add_flag("--no-truth", words->no_truth, "Leave out truth.vdb and truth.ply");
     app.add_option("--seed", words->dataset.seed, "Turns the cameras about the scene [1]")
-        ->check(CLI::NonNegativeNumber)
+        ->check(wholeNumber())
         ->type_name("S");
     words->shared.add(app, "  nerfvdb synth demo --out data/demo --views 60 --width 400 --height 400");
     return {&app, [words, &app] {

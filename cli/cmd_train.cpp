@@ -106,8 +106,9 @@ Command addTrain(CLI::App& program) {
         ->required()
         ->type_name("MODEL.vdb");
     app.add_option("--preset", words->preset,
-                   "How long, and how much the scene can hold: fast (a minute, voxels of 1/256 of the box), default "
-                   "(five, 1/512, a network twice as wide) or best (thirty, 1/512, four times as wide, twice the features) "
+                   "How many steps, and how much the scene can hold: fast (11000 steps, a minute of an object on two cores; "
+                   "voxels of 1/256 of the box), default (25000, five minutes; 1/512, a network twice as wide) or best (75000, "
+                   "thirty; 1/512, four times as wide, twice the features). Places take longer: --time says how long "
                    "[default, with the network of fast for --time 90s and less]")
         ->check(CLI::IsMember({"fast", "default", "best"}))
         ->type_name("NAME");
@@ -166,7 +167,7 @@ Command addTrain(CLI::App& program) {
     app.add_flag("--strict", words->strict, "A frame without its image is an error, not a warning");
     words->photos.add(app);
     app.add_option("--seed", words->seed, "Same seed and --steps, same file, byte for byte [1]")
-        ->check(CLI::NonNegativeNumber)
+        ->check(wholeNumber())
         ->type_name("S");
     words->shared.add(app,
                       "  nerfvdb train data/lego --out lego.vdb --time 5m\n"

@@ -31,13 +31,13 @@ Command addSynth(CLI::App& program);     // procedural scene -> data set with ex
 Command addPrepare(CLI::App& program);   // photographs without poses -> data set
 Command addReadVdb(CLI::App& program);   // for this program's own use (foreign_vdb.h)
 
-/// --threads, --json and --version, which every command has.
+/// --threads, --simd, --json and --version, which every command has.
 class SharedOptions {
 public:
     /// Adds the options to a command, and the example to the end of its help.
     void add(CLI::App& command, const std::string& example);
 
-    /// Before work: checks --json, and limits the threads while the result lives.
+    /// Before work: checks --json, chooses the instruction set, and limits the threads while the result lives.
     std::unique_ptr<ThreadLimit> begin() const;
 
     /// After work: writes --json; `text` goes to standard output unless the JSON went there.
@@ -45,6 +45,7 @@ public:
 
 private:
     int threads_ = 0;
+    std::string simd_;
     std::string json_;
 };
 

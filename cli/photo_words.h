@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// --downscale, --alpha-masks and --no-masks: what becomes of photographs before they are learned or scored.
+// --downscale, --alpha-masks, --no-alpha and --no-masks: what becomes of photographs before they are learned or scored.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -16,7 +16,7 @@ public:
 
 private:
     int downscale_ = 1;
-    bool alpha_masks_ = false, no_masks_ = false;
+    bool alpha_masks_ = false, no_alpha_ = false, no_masks_ = false;
 };
 
 }  // namespace nerfvdb

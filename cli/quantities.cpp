@@ -96,6 +96,17 @@ Box parseBounds(const std::string& where, const std::vector<double>& numbers) {
     return box;
 }
 
+CLI::Validator wholeNumber() {
+    const auto check = [](const std::string& text) {
+        std::uint64_t value = 0;
+        const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+        return error == std::errc() && end == text.data() + text.size()
+                   ? std::string()
+                   : "found '" + text + "', expected a whole number from 0 to 18446744073709551615";
+    };
+    return CLI::Validator(check, "");
+}
+
 CLI::Validator positive() {
     const auto check = [](const std::string& text) {
         double value = 0;

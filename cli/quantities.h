@@ -28,6 +28,9 @@ Vec3f parseColor(const std::string& where, const std::string& text);
 /// {x0, y0, z0, x1, y1, z1} -> a box with positive size.
 Box parseBounds(const std::string& where, const std::vector<double>& numbers);
 
+/// For options that take a whole number, which CLI11 cuts to 64 bits without a word.
+CLI::Validator wholeNumber();
+
 /// For options that take a number above 0; CLI11's own says the bounds of a double in 600 digits.
 CLI::Validator positive();
 

@@ -9,6 +9,7 @@
 #include <iostream>
 
 #include "cli/text.h"
+#include "core/error.h"
 
 namespace nerfvdb {
 namespace {
@@ -97,9 +98,9 @@ void TerminalReport::end() {
     stage_.clear();
 }
 
-void TerminalReport::info(const std::string& line) { print(line); }
+void TerminalReport::info(const std::string& line) { print(printable(line)); }
 
-void TerminalReport::warn(const std::string& line) { print("warning: " + line); }
+void TerminalReport::warn(const std::string& line) { print("warning: " + printable(line)); }
 
 /// "train: 43 %, 1234 of 2870, 210 / s, 8 s left, 31.2 dB"
 std::string TerminalReport::progress(double elapsed_s) const {

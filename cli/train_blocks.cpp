@@ -19,7 +19,7 @@ BlockIndex planIndex(const TrainRun& run, const BlockCount& count, Report& repor
     BlockIndex index;
     index.grid = planBlocks(dataset, count.columns, count.rows, run.options.bounds);
     index.views = viewsOfBlocks(index.grid, dataset);
-    has_alpha = !run.photographs.alpha_masks && isTransparent(dataset, dataset.views.size());
+    has_alpha = !run.photographs.alpha_masks && !run.photographs.no_alpha && isTransparent(dataset, dataset.views.size());
     return index;
 }
 

@@ -3,7 +3,6 @@
 
 #include <fcntl.h>
 #include <sys/file.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -165,14 +164,9 @@ void removeOrphans(const fs::path& path) {
 }
 
 std::string readFile(const fs::path& path) {
-    const Descriptor file(path, O_RDONLY);
-    if (!file.isOpen()) throwErrno(path, errno, "a file that can be read");
-    struct stat status;
-    if (::fstat(file.get(), &status) != 0) throwErrno(path, errno, "a file that can be read");
-    if (S_ISDIR(status.st_mode)) throw IoError(path.string(), "a folder", "a file");
-
-    // The size is a hint: pipes say 0, and a file may grow or shrink while it is read.
-    std::string bytes(static_cast<std::size_t>(status.st_size) + 1, '\0');
+    const PlainFile file(path);
+    // The size is a hint: a file may grow or shrink while it is read, and those of the system say 0.
+    std::string bytes(file.size() + 1, '\0');
     std::size_t size = 0;
     for (;;) {
         size += readAll(file.get(), std::as_writable_bytes(std::span(bytes).subspan(size)), path);

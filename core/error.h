@@ -6,15 +6,19 @@
 
 #include <stdexcept>
 #include <string>
+#include <string_view>
 
 namespace nerfvdb {
+
+/// The same with control characters written out (\x1b, \x0a): names from files cannot colour, clear or fake a terminal's lines.
+std::string printable(std::string_view text);
 
 class Error : public std::runtime_error {
 public:
     using std::runtime_error::runtime_error;
 
     /// One sentence in the house's form: "WHERE: found FOUND, expected EXPECTED; ADVICE".
-    /// `where` names the file and, inside it, the field. `advice` may be empty.
+    /// `where` names the file and, inside it, the field. `advice` may be empty. What files say is made printable.
     Error(const std::string& where, const std::string& found, const std::string& expected,
           const std::string& advice = {});
 };

@@ -2,6 +2,7 @@
 #include "core/file_descriptor.h"
 
 #include <fcntl.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cerrno>
@@ -16,6 +17,15 @@ Descriptor::Descriptor(const std::filesystem::path& path, int flags, mode_t mode
 
 Descriptor::~Descriptor() {
     if (fd_ >= 0) ::close(fd_);
+}
+
+PlainFile::PlainFile(const std::filesystem::path& path) : file_(path, O_RDONLY | O_NONBLOCK) {
+    struct stat status;
+    if (!file_.isOpen() || ::fstat(file_.get(), &status) != 0) throwErrno(path, errno, "a file that can be read");
+    if (S_ISDIR(status.st_mode)) throw IoError(path.string(), "a folder", "a file");
+    if (!S_ISREG(status.st_mode))
+        throw IoError(path.string(), "a pipe or a device", "a plain file", "save what comes from it as a file first");
+    size_ = static_cast<std::size_t>(status.st_size);
 }
 
 std::string adviceFor(int error_number) {

@@ -25,6 +25,19 @@ private:
     int fd_;
 };
 
+/// A plain file, open to be read. Folders, pipes and devices are IoErrors: a pipe that nobody writes to would be waited for, and a
+/// device need not end.
+class PlainFile {
+public:
+    explicit PlainFile(const std::filesystem::path& path);
+    int get() const { return file_.get(); }
+    std::size_t size() const { return size_; }  // when it was opened
+
+private:
+    Descriptor file_;
+    std::size_t size_ = 0;
+};
+
 /// IoError: "PATH: found what errno says, expected EXPECTED", and what can be done about it.
 [[noreturn]] void throwErrno(const std::filesystem::path& path, int error_number, const std::string& expected);
 

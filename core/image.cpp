@@ -16,6 +16,7 @@
 #include "core/error.h"
 #include "core/exif_header.h"
 #include "core/exr_header.h"
+#include "core/file_descriptor.h"
 #include "core/image_end.h"
 #include "core/png_chunks.h"
 
@@ -65,8 +66,7 @@ bool isKnownFormat(std::string_view bytes) {
 
 /// Refuses what is no picture by its first bytes.
 void checkBeginning(const fs::path& path) {
-    std::error_code unreadable;
-    if (!fs::exists(path, unreadable)) throw IoError(path.string(), "No such file or directory", "an image", "check the name");
+    const PlainFile readable(path);
     std::array<char, 8> first{};
     std::ifstream file(path, std::ios::binary);
     file.read(first.data(), first.size());
@@ -238,6 +238,16 @@ ImageHeader readImageHeader(const fs::path& path) {
     const std::unique_ptr<ImageInput> input = openImage(path);
     const ImageSpec& spec = input->spec();
     return {spec.width, spec.height, findChannels(spec).alpha >= 0};
+}
+
+void layOnWhite(Photo& photo) {
+    for (Photo::Pixel& pixel : photo.pixels) {
+        const int alpha = pixel[3];
+        for (int c = 0; c < 3; ++c)
+            pixel[c] = static_cast<std::uint8_t>((pixel[c] * alpha + 255 * (255 - alpha) + 127) / 255);
+        pixel[3] = 255;
+    }
+    photo.has_alpha = false;
 }
 
 PhotoOrigin readPhotoOrigin(const fs::path& path) {

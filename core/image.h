@@ -70,6 +70,9 @@ struct PhotoOrigin {
     bool has_position = false;   // latitude and longitude
 };
 
+/// Lays a photograph on white and forgets its alpha: sRGB values are mixed, as programs that show pictures mix them.
+void layOnWhite(Photo& photo);
+
 /// The header alone, without decoding. Throws as readPhoto.
 PhotoOrigin readPhotoOrigin(const std::filesystem::path& path);
 

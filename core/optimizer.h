@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "core/parallel.h"
 #include "core/simd/kernels.h"
 
 namespace nerfvdb {
@@ -26,8 +27,12 @@ struct Adam {
         const double correction1 = 1 - std::pow(static_cast<double>(beta1), static_cast<double>(count));
         const double correction2 = 1 - std::pow(static_cast<double>(beta2), static_cast<double>(count));
         const float scale1 = static_cast<float>(1 / correction1), scale2 = static_cast<float>(1 / correction2);
-        simd::adamStep(static_cast<int>(parameters.size()), {beta1, beta2, epsilon, rate, scale1, scale2},
-                       gradients.data(), first.data(), second.data(), parameters.data());
+        // Ranges of whole vectors: which values take the scalar way follows from their number alone.
+        parallelRanges(parameters.size(), 1 << 14, [&](std::size_t begin, std::size_t end) {
+            simd::adamStep(static_cast<int>(end - begin), {beta1, beta2, epsilon, rate, scale1, scale2},
+                           gradients.data() + begin, first.data() + begin, second.data() + begin,
+                           parameters.data() + begin);
+        });
     }
 };
 

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trainer/checkpoint.h"
 
-#include <fcntl.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -98,7 +96,7 @@ class Reader {
 public:
     static constexpr bool kIsReading = true;
     /// From the file's position on, `left` bytes.
-    Reader(const Descriptor& file, std::size_t left, const std::filesystem::path& path)
+    Reader(const PlainFile& file, std::size_t left, const std::filesystem::path& path)
         : file_(file), left_(left), path_(path) {}
     template <typename T>
     void value(T& v) {
@@ -144,7 +142,7 @@ private:
         next_ = 0;
         if (piece_.empty()) fail();  // someone cuts the file short while it is read
     }
-    const Descriptor& file_;
+    const PlainFile& file_;
     std::size_t left_;
     const std::filesystem::path& path_;
     std::vector<std::byte> piece_;
@@ -354,7 +352,7 @@ void writePools(Sink& sink, const TrainState& state) {
 std::string headWith(const std::string& hash) { return std::string(kHead) + hash + "\n"; }
 
 /// Where the file's body begins, behind a head that has been found good and a body that has its hash.
-std::size_t verifiedBody(const Descriptor& file, std::size_t size, const std::filesystem::path& path) {
+std::size_t verifiedBody(const PlainFile& file, std::size_t size, const std::filesystem::path& path) {
     std::string head(kHead.size() + kHashDigits + 1, '\0');
     head.resize(readAll(file.get(), std::as_writable_bytes(std::span(head)), path));
     if (!head.starts_with(kHead.substr(0, kHead.size() - 2)))
@@ -420,11 +418,8 @@ void saveCheckpoint(const std::filesystem::path& path, const TrainState& state, 
 
 void loadCheckpoint(const std::filesystem::path& path, TrainState& state, TrainPlace& place,
                     const std::function<void()>& check) {
-    const Descriptor file(path, O_RDONLY);
-    struct stat status;
-    if (!file.isOpen() || ::fstat(file.get(), &status) != 0) throwErrno(path, errno, "a file that can be read");
-    if (S_ISDIR(status.st_mode)) throw IoError(path.string(), "a folder", "a file");
-    const auto size = static_cast<std::size_t>(status.st_size);
+    const PlainFile file(path);
+    const std::size_t size = file.size();
     const std::size_t begin = verifiedBody(file, size, path);
     if (::lseek(file.get(), static_cast<off_t>(begin), SEEK_SET) < 0) throwErrno(path, errno, "a plain file");
 

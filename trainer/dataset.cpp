@@ -138,6 +138,7 @@ void loadPhotos(Dataset& dataset, Split split, const DatasetOptions& options, Re
             View& view = dataset.views[begin + i];
             try {
                 view.photo = readPhoto(view.path);
+                if (options.no_alpha) layOnWhite(view.photo);
                 was_scaled[begin + i] = loadMask(view, options);
                 if (options.downscale > 1) view.photo = downscaled(view.photo, options.downscale);
                 if (cache) view.photo = cache->add(view.photo);

@@ -51,6 +51,7 @@ struct DatasetOptions {
     bool use_masks = true;
     bool has_alpha = false;   // as a whole: of photos chosen from it, none need be transparent
     bool alpha_masks = false; // what alpha says shows nothing of the scene does not count instead
+    bool no_alpha = false;    // photographs are laid on white, and what alpha says is not known
     int downscale = 1;        // photos, masks and cameras of 1/N of the width and height; see downscale.h
     std::optional<std::size_t> max_photo_bytes = {};  // photos that take more are kept in a PhotoCache ...
     std::filesystem::path cache_folder = {};           // ... there

@@ -5,6 +5,7 @@
 #include <cctype>
 #include <cmath>
 #include <map>
+#include <sstream>
 
 #include "core/error.h"
 
@@ -71,6 +72,16 @@ fs::path findImageFolder(const fs::path& root) {
                     "lay them there, or link to them");
 }
 
+void warnOfMoved(const std::vector<ListedFrame>& frames, const std::string& where, std::vector<std::string>& warnings) {
+    const auto isMoved = [](const ListedFrame& frame) { return frame.has_image && !pathInside(frame.name); };
+    const auto first = std::find_if(frames.begin(), frames.end(), isMoved);
+    if (first == frames.end()) return;
+    warnings.push_back(where + ": " + std::to_string(std::count_if(frames.begin(), frames.end(), isMoved)) + " of " +
+                       std::to_string(frames.size()) +
+                       " paths lead out of the data folder; images of their names in it are taken (" + first->image.string() +
+                       " for " + first->name + ")");
+}
+
 void warnOfSharedImages(const std::vector<ListedFrame>& frames, const std::string& where, std::vector<std::string>& warnings) {
     std::map<fs::path, std::size_t> counts;
     for (const ListedFrame& frame : frames) ++counts[frame.image];
@@ -88,11 +99,12 @@ void dropAbsent(std::vector<ListedFrame>& frames, const std::string& where, bool
     const auto first_absent =
         std::find_if(frames.begin(), frames.end(), [](const ListedFrame& frame) { return !frame.has_image; });
     if (first_absent == frames.end()) return;
-    const fs::path example = first_absent->image;
+    const std::string example = first_absent->image.string() +
+                                (pathInside(first_absent->name) ? "" : ", for " + first_absent->name + ", which leads out of the data folder");
     std::erase_if(frames, [](const ListedFrame& frame) { return !frame.has_image; });
 
     const std::string absent = std::to_string(n_listed - frames.size()) + " of " + std::to_string(n_listed) +
-                               " frames without an image (first: " + example.string() + ")";
+                               " frames without an image (first: " + example + ")";
     if (strict) throw DataError(where, absent, "an image for every frame", "add them or leave out --strict");
     if (2 * frames.size() < n_listed)
         throw DataError(where, absent, "at least half of the images", "lay them there, or correct what the list names");
@@ -120,7 +132,10 @@ const char* adviceOnAspect(double w, double h, int width, int height) {
 
 std::string sizeText(double width, double height) {
     const auto text = [](double v) {
-        return v == std::round(v) ? std::to_string(std::llround(v)) : std::to_string(v);
+        if (v == std::round(v) && std::abs(v) < 1e15) return std::to_string(std::llround(v));
+        std::ostringstream written;
+        written << v;
+        return written.str();
     };
     return text(width) + "x" + text(height);
 }

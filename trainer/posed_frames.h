@@ -44,6 +44,9 @@ bool isImageName(const std::filesystem::path& path);
 /// and images_8, whichever is there first. Throws DataError when there is none.
 std::filesystem::path findImageFolder(const std::filesystem::path& root);
 
+/// Warns of images that were found by the end of a path of another machine.
+void warnOfMoved(const std::vector<ListedFrame>& frames, const std::string& where, std::vector<std::string>& warnings);
+
 /// Warns of frames that share an image: all but one of their poses are wrong.
 void warnOfSharedImages(const std::vector<ListedFrame>& frames, const std::string& where, std::vector<std::string>& warnings);
 

@@ -102,18 +102,19 @@ Camera cameraOfImage(const ColmapPart<ColmapCamera>& cameras, const ColmapPart<C
 /// The named image, or one of another extension: smaller versions are often of another format.
 ListedFrame findImage(const ColmapPart<ColmapImage>& images, std::size_t index, const fs::path& folder) {
     const std::string& name = images.entries[index].name;
-    const std::optional<fs::path> relative = pathInside(name);
-    if (!relative)
-        throw DataError(placeOf(images, images.entries[index]), "the name '" + name + "'",
-                        "a path inside " + folder.string());
-    fs::path image = folder / *relative;
-    if (isFile(image)) return {index, name, image, true};
-    for (const char* extension : {".png", ".jpg", ".jpeg", ".exr", ".PNG", ".JPG", ".JPEG", ".EXR"}) {
-        fs::path other = image;
-        other.replace_extension(extension);
-        if (isFile(other)) return {index, name, other, true};
-    }
-    return {index, name, image, false};
+    fs::path image;
+    const auto isThere = [&](const fs::path& relative) {
+        if (isFile(image = folder / relative)) return true;
+        for (const char* extension : {".png", ".jpg", ".jpeg", ".exr", ".PNG", ".JPG", ".JPEG", ".EXR"})
+            if (isFile(image.replace_extension(extension))) return true;
+        return false;
+    };
+    if (placeInside(name, isThere)) return {index, name, image, true};
+    std::optional<fs::path> expected = pathInside(name);
+    if (!expected) expected = pathInside(fs::path(name).filename().string());
+    if (!expected)
+        throw DataError(placeOf(images, images.entries[index]), "the name '" + name + "'", "a path inside " + folder.string());
+    return {index, name, folder / *expected, false};
 }
 
 /// Images that the model says nothing of were not registered: a person would want to know.
@@ -198,6 +199,8 @@ Dataset readColmap(const fs::path& folder, Split split, bool strict) {
     });
     if (twice != frames.end()) throw DataError(images.file.string(), "two images named '" + twice->name + "'", "one");
     dropAbsent(frames, images.file.string(), strict, dataset.warnings);
+    warnOfMoved(frames, images.file.string(), dataset.warnings);
+    warnOfSharedImages(frames, images.file.string(), dataset.warnings);
     warnOfImagesWithoutPose(image_folder, frames, dataset.warnings);
 
     const std::size_t n_listed = frames.size();

@@ -247,17 +247,6 @@ fs::path namedMask(const JsonNode& frame, const fs::path& folder, const fs::path
     node.fail("no file " + (folder / *relative).string(), "the frame's mask", "add it, or remove the key");
 }
 
-/// Images that were found by the end of a path of another machine.
-void warnOfMoved(const std::vector<ListedFrame>& frames, const fs::path& file, std::vector<std::string>& warnings) {
-    const auto isMoved = [](const ListedFrame& frame) { return frame.has_image && !pathInside(frame.name); };
-    const auto first = std::find_if(frames.begin(), frames.end(), isMoved);
-    if (first == frames.end()) return;
-    warnings.push_back(file.string() + ": " + std::to_string(std::count_if(frames.begin(), frames.end(), isMoved)) + " of " +
-                       std::to_string(frames.size()) +
-                       " paths lead out of the data folder; images of their names in it are taken (" + first->image.string() +
-                       " for " + first->name + ")");
-}
-
 /// Whether a camera moves while the photograph is taken, as instant-ngp has it.
 bool isMoving(const JsonNode& node) {
     if (node.has("transform_matrix_start") || node.has("transform_matrix_end")) return true;
@@ -311,7 +300,7 @@ Dataset readTransforms(const fs::path& path, Split split, bool strict, bool chec
     for (std::size_t i = 0; i < list.arraySize(); ++i)
         frames.push_back(findImage(list.element(i), i, source.file.parent_path()));
 
-    warnOfMoved(frames, source.file, dataset.warnings);
+    warnOfMoved(frames, source.file.string(), dataset.warnings);
     // Absent images go first, so that every 8th is counted among those that exist.
     dropAbsent(frames, source.file.string() + ": frames", strict, dataset.warnings);
     warnOfSharedImages(frames, source.file.string(), dataset.warnings);

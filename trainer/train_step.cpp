@@ -112,7 +112,7 @@ std::span<const float> TrainStepper::networkGradient() {
 std::span<const float> TrainStepper::skyGradient(const Sky& sky) {
     dl_dsky_.assign(sky.values().size(), 0.0f);
     for (std::size_t t = 0; t < n_tiles_; ++t)
-        for (const SkyRay& ray : tiles_[t].sky_rays) sky.backward(ray.direction.data(), ray.dl_dcolor, dl_dsky_);
+        for (const SkyRay& ray : tiles_[t].sky_rays) Sky::backward(ray.look, ray.dl_dcolor, dl_dsky_);
     return dl_dsky_;
 }
 
@@ -149,9 +149,9 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
     for (int r = 0; r < n_rays; ++r) {
         const TrainingRay& drawn = worker.rays[r];
         const float transmittance = tracer.transmittance()[r], opacity = 1 - transmittance;
-        const float* const direction = tracer.directions() + 3 * r;
         const bool sees_sky = !state.sky.isEmpty() && transmittance > kLeastSky;
-        const Vec3f background = sees_sky ? state.sky.at(direction) : state.background;
+        const Sky::Look sky = sees_sky ? state.sky.look(tracer.directions() + 3 * r) : Sky::Look{};
+        const Vec3f background = sees_sky ? sky.color : state.background;
         // Every other ray before the background itself, on which pictures are shown.
         const bool before_random = state.behind == Behind::random && mixBits(drawn.bits + 3) >> 63 != 0;
         float behind[3], light[3], color[3], dl_dcolor[3], dl_dlight[3];
@@ -179,7 +179,7 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
             dl_dtransmittance += dl_dbehind * behind[c] - dl_dlight[c] * worker.rgb[3 * r + c];
             dl_dbackground[c] = transmittance * dl_dbehind;
         }
-        if (sees_sky) tile.sky_rays.push_back({{direction[0], direction[1], direction[2]}, dl_dbackground});
+        if (sees_sky) tile.sky_rays.push_back({sky, dl_dbackground});
         if (state.exposures.learned())
             tile.exposed.push_back({drawn.view, {light[0], light[1], light[2]}, coverage,
                                     {dl_dcolor[0], dl_dcolor[1], dl_dcolor[2]}});

@@ -122,7 +122,7 @@ private:
     };
     /// What a ray that reaches the sky says about it.
     struct SkyRay {
-        std::array<float, 3> direction;
+        Sky::Look look;
         Vec3f dl_dcolor;
     };
     struct Tile {

@@ -13,6 +13,7 @@
 #include "core/photo_cache.h"
 #include "trainer/checkpoint_keeper.h"
 #include "trainer/dataset_hash.h"
+#include "trainer/even_color.h"
 #include "trainer/faint_cells.h"
 #include "trainer/level_change.h"
 #include "trainer/looks.h"
@@ -99,6 +100,7 @@ private:
     void updateOccupancy();
     StepRates rates() const;
     void tell(bool force);
+    void warnIfNothingWasLearned();
     void saveMeanwhile();
     TrainResult finish(bool interrupted);
     Stage& stage() { return place_.stages[place_.stage]; }
@@ -544,6 +546,20 @@ void Training::tell(bool force) {
     report_.update(place_.step, note);
 }
 
+/// Wrong bounds or poses leave a model that no number calls wrong.
+void Training::warnIfNothingWasLearned() {
+    constexpr std::int64_t kLeastSteps = 500;  // before, most is fog yet
+    constexpr double kVisible = 1e-3;          // of squared error, 30 dB: photographs of one colour are as good as that soon
+    if (place_.step < kLeastSteps || source_.tileCount() == 0) return;
+    const double even = evenColorError(source_, static_cast<std::uint64_t>(place_.step), state_.background);
+    if (place_.mean_error < std::max(even, kVisible)) return;
+    char text[192];
+    std::snprintf(text, sizeof text, "nothing was learned: training rays have %.1f dB, and a picture of one colour would have %.1f; are "
+                  "poses and --bounds those of this scene?", psnrFromMse(place_.mean_error), psnrFromMse(even));
+    notes_.push_back(text);
+    report_.warn(text);
+}
+
 void Training::saveMeanwhile() {
     if (!checkpoints_.isDue()) return;
     const bool has_room =
@@ -577,6 +593,7 @@ TrainResult Training::finish(bool interrupted) {
     result.checkpoint_error = checkpoints_.error();
     result.checkpoints = checkpoints_.count();
     result.checkpoint_seconds = checkpoints_.haltedSeconds();
+    warnIfNothingWasLearned();
     result.notes = notes_;
     if (photosOnDisk()) result.notes.push_back("photographs were read from a cache on disk, not from memory");
     return result;

@@ -34,12 +34,12 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
-#include <fstream>
 #include <map>
 #include <type_traits>
 
 #include "core/atomic_file.h"
 #include "core/error.h"
+#include "core/file_descriptor.h"
 #include "core/parallel.h"
 #include "vdb/camera_codec.h"
 #include "vdb/field_codec.h"
@@ -198,11 +198,9 @@ private:
 constexpr std::size_t kBeginning = 4096;  // bytes among which the mark stands
 
 std::string readBeginning(const std::filesystem::path& path) {
-    std::ifstream file(path, std::ios::binary);
+    const PlainFile file(path);
     std::string bytes(kBeginning, '\0');
-    if (!file || (!file.read(bytes.data(), kBeginning) && !file.eof()))
-        throw IoError(path.string(), "a file that cannot be read", "a readable file", "check path and permissions");
-    bytes.resize(static_cast<std::size_t>(file.gcount()));
+    bytes.resize(readAll(file.get(), std::as_writable_bytes(std::span(bytes)), path));
     return bytes;
 }
 

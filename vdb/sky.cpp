@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/parallel.h"
 #include "core/range_coder.h"
 
 namespace nerfvdb {
@@ -13,6 +14,8 @@ namespace {
 constexpr int kMinWidth = 4, kMaxWidth = 8192;
 constexpr float kMaxValue = 8;     // its sigmoid is 0.9997: beyond it 8 bits show nothing new
 constexpr float kCodeStep = 1.0f / 64;  // at most 0.002 of colour
+
+constexpr std::size_t kRowsATask = 16;
 
 bool isWidth(int width) { return width >= kMinWidth && width <= kMaxWidth && width % 2 == 0; }
 
@@ -27,7 +30,7 @@ Sky::Sky(int width, const Vec3f& color) : width_(width) {
     }
 }
 
-Sky::Texels Sky::texelsAt(const float* direction) const {
+Sky::Look Sky::look(const float* direction) const {
     constexpr auto kPi = static_cast<float>(M_PI);
     const float longitude = std::atan2(direction[1], direction[0]) / (2 * kPi) + 0.5f;
     const float latitude = std::acos(std::clamp(direction[2], -1.0f, 1.0f)) / kPi;
@@ -35,48 +38,48 @@ Sky::Texels Sky::texelsAt(const float* direction) const {
     const float y = std::clamp(latitude * static_cast<float>(height()) - 0.5f, 0.0f, static_cast<float>(height() - 1));
     const int x0 = static_cast<int>(std::floor(x)), y0 = std::min(static_cast<int>(y), height() - 2);
     const float fx = x - static_cast<float>(x0), fy = y - static_cast<float>(y0);
-    const auto index = [&](int column, int row) {
-        return 3 * (static_cast<std::size_t>(row) * width_ + static_cast<std::size_t>((column + width_) % width_));
+    const auto texel = [&](int column, int row) {
+        return 3 * static_cast<std::uint32_t>(row * width_ + (column + width_) % width_);
     };
-    return {{index(x0, y0), index(x0 + 1, y0), index(x0, y0 + 1), index(x0 + 1, y0 + 1)},
-            {(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy}};
-}
-
-Vec3f Sky::colorOf(const Texels& texels) const {
-    Vec3f color;
+    Look look{{texel(x0, y0), texel(x0 + 1, y0), texel(x0, y0 + 1), texel(x0 + 1, y0 + 1)},
+              {(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy},
+              {}};
     for (int c = 0; c < 3; ++c) {
         float value = 0;
-        for (int t = 0; t < 4; ++t) value += texels.weight[t] * values_[texels.index[t] + c];
-        color[c] = 1 / (1 + std::exp(-value));
+        for (int t = 0; t < 4; ++t) value += look.weight[t] * values_[look.texel[t] + c];
+        look.color[c] = 1 / (1 + std::exp(-value));
     }
-    return color;
+    return look;
 }
 
-Vec3f Sky::at(const float* direction) const { return colorOf(texelsAt(direction)); }
-
-void Sky::backward(const float* direction, const Vec3f& dl_dcolor, std::span<float> dl_dvalues) const {
-    const Texels texels = texelsAt(direction);
-    const Vec3f color = colorOf(texels);
+void Sky::backward(const Look& look, const Vec3f& dl_dcolor, std::span<float> dl_dvalues) {
     for (int c = 0; c < 3; ++c) {
-        const float dl_dvalue = dl_dcolor[c] * color[c] * (1 - color[c]);
-        for (int t = 0; t < 4; ++t) dl_dvalues[texels.index[t] + c] += texels.weight[t] * dl_dvalue;
+        const float dl_dvalue = dl_dcolor[c] * look.color[c] * (1 - look.color[c]);
+        for (int t = 0; t < 4; ++t) dl_dvalues[look.texel[t] + c] += look.weight[t] * dl_dvalue;
     }
 }
 
 void Sky::smooth(float pull, std::vector<float>& scratch) {
-    scratch = values_;
     const std::size_t row = static_cast<std::size_t>(width_) * 3;
-    for (int y = 0; y < height(); ++y) {
-        const float* const here = &scratch[y * row];
-        const float* const above = &scratch[std::max(y - 1, 0) * row];
-        const float* const below = &scratch[std::min(y + 1, height() - 1) * row];
-        for (std::size_t i = 0; i < row; ++i) {
-            const float left = here[i >= 3 ? i - 3 : row - 3 + i], right = here[i + 3 < row ? i + 3 : i + 3 - row];
-            float& value = values_[y * row + i];
-            value += pull * (0.25f * (left + right + above[i] + below[i]) - value);
-            value = std::clamp(value, -kMaxValue, kMaxValue);
+    scratch.resize(values_.size());
+    parallelRanges(values_.size(), kRowsATask * row, [&](std::size_t first, std::size_t last) {
+        std::copy(values_.begin() + first, values_.begin() + last, scratch.begin() + first);
+    });
+    parallelRanges(static_cast<std::size_t>(height()), kRowsATask, [&](std::size_t first, std::size_t last) {
+        for (std::size_t y = first; y < last; ++y) {
+            const float* const here = &scratch[y * row];
+            const float* const above = y > 0 ? here - row : here;
+            const float* const below = y + 1 < static_cast<std::size_t>(height()) ? here + row : here;
+            float* const values = &values_[y * row];
+            const auto move = [&](std::size_t i, float left, float right) {
+                const float mean = 0.25f * (left + right + above[i] + below[i]);
+                values[i] = std::clamp(values[i] + pull * (mean - values[i]), -kMaxValue, kMaxValue);
+            };
+            for (std::size_t i = 0; i < 3; ++i) move(i, here[row - 3 + i], here[i + 3]);
+            for (std::size_t i = 3; i + 3 < row; ++i) move(i, here[i - 3], here[i + 3]);
+            for (std::size_t i = row - 3; i < row; ++i) move(i, here[i - 3], here[i + 3 - row]);
         }
-    }
+    });
 }
 
 std::string Sky::encode() const {

@@ -24,9 +24,16 @@ public:
     int width() const { return width_; }
     int height() const { return width_ / 2; }
     /// sRGB values in (0, 1) in a direction (unit, world).
-    Vec3f at(const float* direction) const;
-    /// Adds to dl_dvalues [height][width][3] what a loss says that changes with at(direction) by dl_dcolor.
-    void backward(const float* direction, const Vec3f& dl_dcolor, std::span<float> dl_dvalues) const;
+    Vec3f at(const float* direction) const { return look(direction).color; }
+    /// The same, with what the way back needs: four texels, their numbers (of their first value) and weights.
+    struct Look {
+        std::array<std::uint32_t, 4> texel;
+        std::array<float, 4> weight;
+        Vec3f color;
+    };
+    Look look(const float* direction) const;
+    /// Adds to dl_dvalues [height][width][3] what a loss says that changes with look.color by dl_dcolor.
+    static void backward(const Look& look, const Vec3f& dl_dcolor, std::span<float> dl_dvalues);
     /// Moves each texel the share `pull` of the way to the mean of its neighbours: what no ray sees follows what is
     /// seen. `scratch` is working memory.
     void smooth(float pull, std::vector<float>& scratch);
@@ -41,13 +48,6 @@ public:
     static Sky decode(std::span<const std::uint8_t> bytes, const std::string& where);
 
 private:
-    struct Texels {
-        std::array<std::size_t, 4> index;  // of their first value
-        std::array<float, 4> weight;
-    };
-    Texels texelsAt(const float* direction) const;
-    Vec3f colorOf(const Texels& texels) const;
-
     int width_ = 0;
     std::vector<float> values_;
 };

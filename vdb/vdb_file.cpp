@@ -18,7 +18,7 @@ namespace nerfvdb {
 namespace {
 
 /// Garbage, made fit to be printed: OpenVDB quotes the file.
-std::string printable(std::string text) {
+std::string asciiOf(std::string text) {
     for (char& c : text)
         if (c < 0x20 || c == 0x7f) c = '?';  // also what is not ASCII
     return text;
@@ -112,7 +112,7 @@ VdbContent readVdb(const std::filesystem::path& path) {
         openvdb::io::Stream file(in, kDelayedLoading);
         return {file.getGrids(), file.getMetadata()};
     } catch (const openvdb::Exception& error) {
-        throw DataError(path.string(), "OpenVDB's error \"" + printable(error.what()) + "\"", "a .vdb volume");
+        throw DataError(path.string(), "OpenVDB's error \"" + asciiOf(error.what()) + "\"", "a .vdb volume");
     } catch (const std::ios_base::failure&) {
         throw DataError(path.string(), "a truncated file", "a whole .vdb volume", "copy or export the file again");
     } catch (const std::bad_alloc&) {

@@ -74,6 +74,9 @@ TEST_CASE("bench render: every knob, and the finer the setting the smaller the e
     CHECK(error("step, voxels", "0.5") == error("resolution", "1"));
     CHECK(rowOf(result, "step, voxels", "0.5").cells[result.column("seconds")].size() == 2);
     CHECK(!renderPlot(result).front.empty());
+    // Half precision changes something, but little beside what the default step leaves out.
+    CHECK(error("bits of a value", "16") != error("bits of a value", "32"));
+    CHECK(std::abs(error("bits of a value", "16") - error("bits of a value", "32")) < 0.5);
 }
 
 TEST_CASE("enlarging: constants and slopes come through, size is the one asked for") {
@@ -148,6 +151,17 @@ TEST_CASE("bench skip: not skipping costs samples and leaves pictures as they we
     CHECK(figure("active voxels of 128 a side, nothing skipped") > 128 * 60 * 60);  // all of the box
     CHECK(figure("active voxels of 128 a side, with skipping") <
           0.25 * figure("active voxels of 128 a side, nothing skipped"));  // what a ball's surface takes of it
+}
+
+TEST_CASE("skipping that costs more than a twentieth of a decibel is named") {
+    BenchResult result;
+    result.columns = {{"psnr_with"}, {"psnr_without"}};
+    result.rows = {{"rendering", "cheap", {{30}, {30.04}}},
+                   {"rendering", "dear", {{30}, {30.07}}},
+                   {"rendering", "better than nothing", {{30}, {29}}},
+                   {"training", "not scored", {{}, {}}},
+                   {"rendering", "broken", {{NAN}, {30}}}};
+    CHECK(costlySkips(result) == std::vector<std::string>{"rendering, dear: 0.07 dB", "rendering, broken: nan dB"});
 }
 
 TEST_CASE(

@@ -99,7 +99,9 @@ test_usage() {
     expect 2 synth cathedral --out data
     says err "cathedral"
     expect 2 synth sphere --out data --seed -1
-    says err "--seed"
+    says err "--seed: found '-1', expected a whole number"
+    expect 2 train data --out model.vdb --seed 18446744073709551616
+    says err "--seed: found '18446744073709551616'"
     expect 2 mesh model.vdb --out mesh.fbx
     says err "mesh.fbx"
     expect 2 mesh model.vdb
@@ -127,6 +129,15 @@ test_bad_input() {
     expect 1 train empty --out model.vdb
     says err "empty"
     [[ ! -e model.vdb ]] || fail "a model of nothing"
+
+    # Pipes that nobody writes to are not waited for, whatever they pretend to be.
+    mkdir pipes
+    mkfifo pipe.vdb pipes/transforms.json
+    for command in "info pipe.vdb" "info pipes" "eval pipe.vdb data" "train pipes --out model.vdb"; do
+        # shellcheck disable=SC2086
+        expect 1 $command
+        says err "found a pipe or a device"
+    done
 
     # Less memory than photographs need.
     tiny_scene --no-truth

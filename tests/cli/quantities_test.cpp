@@ -52,6 +52,13 @@ TEST_CASE("bounds are two corners", "[cli]") {
     CHECK_THROWS_AS(parseBounds("--bounds", {0, 0, 0, 1, 1, INFINITY}), UsageError);
 }
 
+TEST_CASE("a whole number has 64 bits", "[cli]") {
+    std::string text = "18446744073709551615";
+    CHECK(wholeNumber()(text).empty());
+    for (std::string bad : {"18446744073709551616", "-1", "1.5", "0x10", "", "7 "})
+        CHECK_THAT(wholeNumber()(bad), Catch::Contains("expected a whole number from 0 to 18446744073709551615"));
+}
+
 TEST_CASE("a refused quantity says where, what and what else", "[cli]") {
     CHECK_THROWS_WITH(parseDuration("--time", "soon"),
                       "--time: found 'soon', expected a duration such as 90, 90s, 5m or 1h");

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/atomic_file.h"
 
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -167,12 +168,22 @@ TEST_CASE("targets that cannot be written are named with advice", "[core]") {
     }
 }
 
+TEST_CASE("an error shows what files say without doing it", "[core]") {
+    const DataError error("a\x1b[2J.png", std::string("'x\0\n\x7f'", 6), "a \xc3\xa4");
+    CHECK(error.what() == std::string("a\\x1b[2J.png: found 'x\\x00\\x0a\\x7f', expected a \xc3\xa4"));
+    CHECK(printable("\xc3\xa4") == "\xc3\xa4");  // what is not ASCII stays
+}
+
 TEST_CASE("reading names what is not a file", "[core]") {
     const TempDir dir;
     CHECK_THROWS_WITH(readFile(dir / "none"), Contains("none") && Contains("No such file"));
     CHECK_THROWS_WITH(readFile(dir.path()), Contains("found a folder"));
     writeAtomically(dir / "empty", "");
     CHECK(readFile(dir / "empty").empty());
+    // Nobody will ever write to this pipe: to wait for it, or for the end of /dev/zero, would be for ever.
+    REQUIRE(::mkfifo((dir / "pipe").c_str(), 0600) == 0);
+    CHECK_THROWS_WITH(readFile(dir / "pipe"), Contains("pipe: found a pipe or a device, expected a plain file"));
+    CHECK_THROWS_WITH(readFile("/dev/zero"), Contains("found a pipe or a device"));
 }
 
 TEST_CASE("the hash of pieces is that of the whole") {

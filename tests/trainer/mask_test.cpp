@@ -191,6 +191,24 @@ TEST_CASE("alpha can be a mask: what is more than half transparent does not coun
     CHECK(notes.warnings.empty());
 }
 
+TEST_CASE("alpha that is not to be known leaves photographs on white", "[trainer]") {
+    SceneFolder scene(1, 4);
+    Image image(20, 10, 4);
+    image.at(3, 4)[0] = 0.4f, image.at(3, 4)[3] = 1;
+    image.at(4, 4)[0] = 0.4f, image.at(4, 4)[3] = 0.6f;
+    writeImage(scene.dir / "images/100.png", image);
+    scene.save("transforms_train.json");
+    Notes notes;
+    const Dataset dataset = readDataset(scene.dir.path(), Split::train, {.no_alpha = true}, notes);
+    CHECK_FALSE(dataset.has_alpha);
+    const Photo& photo = dataset.views[0].photo;
+    CHECK_FALSE(photo.has_alpha);
+    CHECK(photo.at(0, 0) == Photo::Pixel{255, 255, 255, 255});
+    CHECK(photo.at(3, 4) == Photo::Pixel{102, 0, 0, 255});
+    CHECK(photo.at(4, 4) == Photo::Pixel{163, 102, 102, 255});  // 0.6 of it and 0.4 of white
+    CHECK(dataset.views[0].mask.empty());
+}
+
 TEST_CASE("what a mask hides changes nothing of what is learned") {
     // The same photographs, with other colours where the masks hide them.
     Dataset first = test::sphereDataset(Split::train, 12, 48), second = first;
