@@ -263,35 +263,35 @@ std::vector<StressRow> stressInput(const std::filesystem::path& scratch, std::in
     InputJudge judge(report);
     report.begin("hard input", 0);
     const std::string no_object = "alpha masks that agree on no point", no_view = "no point of the scene's box in view of two";
-    judge.learns("all black", painted(sphere, {0, 0, 0, 255}), usual, 0);
-    judge.learns("all white", painted(sphere, {255, 255, 255, 255}), usual, 0);
-    judge.learns("one colour everywhere", painted(sphere, {200, 30, 90, 255}), usual, 0);
+    judge.learns("all black", painted(sphere, {0, 0, 0, 255}), usual, 22);
+    judge.learns("all white", painted(sphere, {255, 255, 255, 255}), usual, 22);
+    judge.learns("one colour everywhere", painted(sphere, {200, 30, 90, 255}), usual, 26);
     judge.stops("fully transparent", painted(sphere, {90, 90, 90, 0}), usual, no_object);
-    judge.learns("one percent opaque everywhere", painted(sphere, {90, 90, 90, 3}), usual, 0);
+    judge.learns("one percent opaque everywhere", painted(sphere, {90, 90, 90, 3}), usual, 24);
     {
         Dataset one = sphere;
         one.views.resize(1);
-        judge.learns("one image", one, usual, 0);
+        judge.learns("one image", one, usual, 28);
         judge.stops("one image of one pixel", onePixel(one), usual, no_object);
         Dataset none = sphere;
         none.views.clear();
         judge.stops("no image", none, usual, "no views");
     }
     judge.stops("images of one pixel", onePixel(sphere), usual, no_object);
-    judge.learns("linear values of 1e4 (.exr)", brightened(sphere, scratch), usual, 0);
+    judge.learns("linear values of 1e4 (.exr)", brightened(sphere, scratch), usual, 25);
     {
         Dataset twins = sphere;
         twins.views.insert(twins.views.end(), sphere.views.begin(), sphere.views.end());
-        judge.learns("every camera twice", twins, usual, 0);
+        judge.learns("every camera twice", twins, usual, 28);
         for (View& view : twins.views) view.camera = sphere.views.front().camera;
         judge.stops("one camera for all pictures", twins, usual, no_object);
     }
     {
         Dataset inside = sphere;
         for (View& view : inside.views) view.camera.position *= 0.05;
-        judge.learns("cameras inside the object", inside, usual, 0);
+        judge.learns("cameras inside the object", inside, usual, 28);
         inside = painted(inside, {120, 90, 60, 255});
-        judge.learns("cameras inside the object, no alpha", inside, usual, 0);
+        judge.learns("cameras inside the object, no alpha", inside, usual, 30);
         Dataset outward = sphere;
         for (View& view : outward.views) view.camera.position = -view.camera.position;
         judge.stops("cameras that look away from the object", outward, usual, no_object);
@@ -313,7 +313,7 @@ std::vector<StressRow> stressInput(const std::filesystem::path& scratch, std::in
     {
         Dataset shifted = sphere;
         for (View& view : shifted.views) view.camera.position += Vec3d::Constant(1e7);
-        judge.learns("a scene at 1e7", shifted, usual, 0);
+        judge.learns("a scene at 1e7", shifted, usual, 28);
     }
     report.end();
 

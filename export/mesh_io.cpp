@@ -10,11 +10,11 @@
 #include <fstream>
 #include <limits>
 #include <span>
-#include <sstream>
 #include <string>
 
 #include "core/atomic_file.h"
 #include "core/error.h"
+#include "core/ply_header.h"
 #include "export/gltf_file.h"
 
 namespace nerfvdb {
@@ -189,79 +189,26 @@ void writeStl(Output& out, const Mesh& mesh) {
     }
 }
 
-struct PlyProperty {
-    std::string type, name;
-};
-
-struct PlyHeader {
-    std::size_t n_vertices = 0, n_faces = 0;
-    std::vector<PlyProperty> vertex;  // in the file's order
-    std::size_t end = 0;              // where the binary part begins
-};
-
-std::size_t sizeOfType(const std::string& type) {
-    if (type == "char" || type == "uchar" || type == "int8" || type == "uint8") return 1;
-    if (type == "short" || type == "ushort" || type == "int16" || type == "uint16") return 2;
-    if (type == "int" || type == "uint" || type == "float" || type == "int32" || type == "uint32" ||
-        type == "float32")
-        return 4;
-    return type == "double" || type == "float64" ? 8 : 0;
+/// Bytes of a vertex before three properties in a row of the given size, or -1 if they are not there.
+std::ptrdiff_t offsetOf(const PlyElement& vertex, std::size_t type_size, const std::array<const char*, 3>& names) {
+    const int first = vertex.find(names[0]);
+    for (int k = 0; k < 3; ++k) {
+        const int property = vertex.find(names[static_cast<std::size_t>(k)]);
+        if (property < 0 || property != first + k || vertex.properties[static_cast<std::size_t>(property)].size != type_size) return -1;
+    }
+    return static_cast<std::ptrdiff_t>(vertex.offset(first));
 }
 
-PlyHeader parseHeader(const std::string& where, const std::string& bytes) {
-    static const std::string kEnd = "end_header\n";
-    const std::size_t end = bytes.find(kEnd);
-    if (bytes.compare(0, 4, "ply\n") != 0 || end == std::string::npos)
-        throw DataError(where, "no PLY header", "a file that begins with \"ply\" and has \"end_header\"");
-    PlyHeader header;
-    header.end = end + kEnd.size();
-    std::istringstream lines(bytes.substr(4, end - 4));
-    std::string element;
-    for (std::string line; std::getline(lines, line);) {
-        std::istringstream words(line);
-        std::string word, type;
-        words >> word;
-        if (word == "format") {
-            words >> type;
-            if (type != "binary_little_endian")
-                throw DataError(where + ": format", type, "binary_little_endian");
-        } else if (word == "element") {
-            std::size_t count = 0;
-            words >> element >> count;
-            if (!words || (element != "vertex" && element != "face"))
-                throw DataError(where + ": header", "\"" + line + "\"",
-                                "\"element vertex N\" or \"element face N\"");
-            (element == "vertex" ? header.n_vertices : header.n_faces) = count;
-        } else if (word == "property" && element == "vertex") {
-            PlyProperty property;
-            words >> property.type >> property.name;
-            if (sizeOfType(property.type) == 0)
-                throw DataError(where + ": header", "\"" + line + "\"", "a property of a plain number type");
-            header.vertex.push_back(property);
-        } else if (word == "property") {
-            std::string count_type, index_type;
-            words >> type >> count_type >> index_type;
-            if (type != "list" || sizeOfType(count_type) != 1 || sizeOfType(index_type) != 4)
-                throw DataError(where + ": header", "\"" + line + "\"",
-                                "\"property list uchar int vertex_indices\"");
-        }
-    }
-    return header;
-}
-
-/// Byte offset in a vertex of three properties in a row of the given type, or -1 if they are not there.
-std::ptrdiff_t offsetOf(const PlyHeader& header, std::size_t type_size,
-                        const std::array<const char*, 3>& names) {
-    std::ptrdiff_t offset = 0;
-    for (std::size_t i = 0; i + 2 < header.vertex.size(); ++i) {
-        bool is_match = true;
-        for (std::size_t k = 0; k < 3; ++k)
-            is_match &=
-                header.vertex[i + k].name == names[k] && sizeOfType(header.vertex[i + k].type) == type_size;
-        if (is_match) return offset;
-        offset += static_cast<std::ptrdiff_t>(sizeOfType(header.vertex[i].type));
-    }
-    return -1;
+/// Throws DataError unless the file is vertices without lists, then triangles as our own files have them.
+void checkTriangles(const std::string& where, const PlyHeader& header) {
+    if (header.is_text) throw DataError(where + ": format", "ascii", "binary_little_endian");
+    const auto isList = [](const PlyProperty& p) { return p.isList(); };
+    const bool is_mesh = header.elements.size() == 2 && header.elements[0].name == "vertex" && header.elements[1].name == "face";
+    if (!is_mesh || std::any_of(header.elements[0].properties.begin(), header.elements[0].properties.end(), isList))
+        throw DataError(where + ": header", "other elements", "\"element vertex N\" of plain numbers, then \"element face N\"");
+    const std::vector<PlyProperty>& face = header.elements[1].properties;
+    if (face.size() != 1 || !face[0].isList() || plyTypeSize(face[0].count_type) != 1 || face[0].size != 4)
+        throw DataError(where + ": header", "other properties of faces", "\"property list uchar int vertex_indices\"");
 }
 
 }  // namespace
@@ -303,32 +250,31 @@ void streamPly(const std::filesystem::path& path, const Model& model, const Mesh
 Mesh readPly(const std::filesystem::path& path) {
     const std::string where = path.string();
     const std::string bytes = readFile(path);
-    const PlyHeader header = parseHeader(where, bytes);
-    std::size_t vertex_size = 0;
-    for (const PlyProperty& property : header.vertex) vertex_size += sizeOfType(property.type);
+    const PlyHeader header = parsePlyHeader(where, bytes);
+    checkTriangles(where, header);
+    const PlyElement& vertex = header.elements[0];
+    const std::size_t n_vertices = vertex.count, n_faces = header.elements[1].count, vertex_size = vertex.size();
     constexpr std::size_t kFaceSize = 1 + 3 * sizeof(std::int32_t);
 
     const std::size_t body = bytes.size() - header.end;
     // Divided, not multiplied: a count in a damaged header must not overflow.
-    if (vertex_size == 0 || header.n_vertices > body / vertex_size ||
-        header.n_faces != (body - header.n_vertices * vertex_size) / kFaceSize ||
-        (body - header.n_vertices * vertex_size) % kFaceSize != 0)
+    if (vertex_size == 0 || n_vertices > body / vertex_size || n_faces != (body - n_vertices * vertex_size) / kFaceSize ||
+        (body - n_vertices * vertex_size) % kFaceSize != 0)
         throw DataError(where, std::to_string(body) + " bytes after the header",
-                        std::to_string(header.n_vertices) + " vertices and " + std::to_string(header.n_faces) +
-                            " triangles",
+                        std::to_string(n_vertices) + " vertices and " + std::to_string(n_faces) + " triangles",
                         "the file is truncated or its faces are not triangles");
-    const std::ptrdiff_t position = offsetOf(header, 4, {"x", "y", "z"});
-    const std::ptrdiff_t normal = offsetOf(header, 4, {"nx", "ny", "nz"});
-    const std::ptrdiff_t colour = offsetOf(header, 1, {"red", "green", "blue"});
+    const std::ptrdiff_t position = offsetOf(vertex, 4, {"x", "y", "z"});
+    const std::ptrdiff_t normal = offsetOf(vertex, 4, {"nx", "ny", "nz"});
+    const std::ptrdiff_t colour = offsetOf(vertex, 1, {"red", "green", "blue"});
     if (position < 0) throw DataError(where, "vertices without float x y z", "a mesh");
 
     Mesh mesh;
-    mesh.positions.resize(header.n_vertices);
-    if (normal >= 0) mesh.normals.resize(header.n_vertices);
-    if (colour >= 0) mesh.colours.resize(header.n_vertices);
-    mesh.triangles.resize(header.n_faces);
+    mesh.positions.resize(n_vertices);
+    if (normal >= 0) mesh.normals.resize(n_vertices);
+    if (colour >= 0) mesh.colours.resize(n_vertices);
+    mesh.triangles.resize(n_faces);
     const char* from = bytes.data() + header.end;
-    for (std::size_t v = 0; v < header.n_vertices; ++v, from += vertex_size) {
+    for (std::size_t v = 0; v < n_vertices; ++v, from += vertex_size) {
         std::memcpy(mesh.positions[v].data(), from + position, 12);
         if (normal >= 0) std::memcpy(mesh.normals[v].data(), from + normal, 12);
         if (colour >= 0) std::memcpy(mesh.colours[v].data(), from + colour, 3);
@@ -337,9 +283,9 @@ Mesh readPly(const std::filesystem::path& path) {
         if (*from != 3)
             throw DataError(where, "a face of " + std::to_string(int{*from}) + " corners", "triangles");
         std::memcpy(triangle.data(), from + 1, 12);
-        if (triangle.maxCoeff() >= header.n_vertices)
+        if (triangle.maxCoeff() >= n_vertices)
             throw DataError(where, "vertex " + std::to_string(triangle.maxCoeff()) + " in a face",
-                            "a number below " + std::to_string(header.n_vertices));
+                            "a number below " + std::to_string(n_vertices));
         from += kFaceSize;
     }
     return mesh;

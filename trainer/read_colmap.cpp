@@ -150,15 +150,11 @@ View viewOf(const ListedFrame& frame, const Camera& stated, const ColmapPart<Col
     return view;
 }
 
-/// Takes out points at infinity, as matches along the baseline make them.
 void dropInfinitePoints(ColmapPart<ColmapPoint>& points, Dataset& dataset) {
-    constexpr double kInfinite = 1e6;  // of the cameras' extent; at a thousand a point moves by about a pixel between them
     const Box cameras = boxOfCameras(dataset);
-    const double farthest = kInfinite * cameras.size().norm();
     const std::size_t n_all = points.entries.size();
-    const std::size_t n_infinite = std::erase_if(points.entries, [&](const ColmapPoint& point) {
-        return !(farthest == 0 ? point.position.allFinite() : (point.position - cameras.center()).norm() <= farthest);
-    });
+    const std::size_t n_infinite =
+        std::erase_if(points.entries, [&](const ColmapPoint& point) { return isAtInfinity(point.position, cameras); });
     if (n_infinite > 0)
         dataset.warnings.push_back(points.file.string() + ": " + std::to_string(n_infinite) + " of " + std::to_string(n_all) +
                                    " points are not finite, or as good as infinitely far away, and are left out");

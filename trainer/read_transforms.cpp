@@ -7,7 +7,9 @@
 
 #include "core/error.h"
 #include "trainer/json_node.h"
+#include "trainer/ply_points.h"
 #include "trainer/posed_frames.h"
+#include "trainer/scene_box.h"
 
 namespace nerfvdb {
 namespace {
@@ -247,6 +249,26 @@ fs::path namedMask(const JsonNode& frame, const fs::path& folder, const fs::path
     node.fail("no file " + (folder / *relative).string(), "the frame's mask", "add it, or remove the key");
 }
 
+/// The sparse points that nerfstudio lays beside its list, if they are there.
+std::vector<Vec3d> sparsePoints(const JsonNode& node, const fs::path& file, Dataset& dataset) {
+    const std::string name = node.text();
+    const fs::path folder = file.parent_path();
+    const auto relative = placeInside(name, [&](const fs::path& path) { return isFile(folder / path); });
+    const auto warn = [&](const std::string& what) { dataset.warnings.push_back(file.string() + ": ply_file_path: " + what); };
+    if (!relative) {
+        warn("no file " + name + " in the data folder; training finds out by itself where voxels are needed");
+        return {};
+    }
+    std::vector<Vec3d> points = readPlyPoints(folder / *relative);
+    const Box cameras = boxOfCameras(dataset);
+    const std::size_t n_all = points.size();
+    const std::size_t n_infinite = std::erase_if(points, [&](const Vec3d& point) { return isAtInfinity(point, cameras); });
+    if (n_infinite > 0)
+        warn(std::to_string(n_infinite) + " of " + std::to_string(n_all) +
+             " points are not finite, or as good as infinitely far away, and are left out");
+    return points;
+}
+
 /// Whether a camera moves while the photograph is taken, as instant-ngp has it.
 bool isMoving(const JsonNode& node) {
     if (node.has("transform_matrix_start") || node.has("transform_matrix_end")) return true;
@@ -325,6 +347,7 @@ Dataset readTransforms(const fs::path& path, Split split, bool strict, bool chec
         view.mask_path = namedMask(node, source.file.parent_path(), view.path);
         dataset.views.push_back(std::move(view));
     }
+    if (document.has("ply_file_path")) dataset.points = sparsePoints(document.at("ply_file_path"), source.file, dataset);
     return dataset;
 }
 

@@ -112,4 +112,9 @@ Box boxOfCameras(const Dataset& dataset) {
     return box;
 }
 
+bool isAtInfinity(const Vec3d& point, const Box& cameras) {
+    const double farthest = 1e6 * cameras.size().norm();
+    return !(farthest == 0 ? point.allFinite() : (point - cameras.center()).norm() <= farthest);
+}
+
 }  // namespace nerfvdb

@@ -28,4 +28,8 @@ Vec3d commonFocus(const Dataset& dataset);
 /// Where the cameras of all views, at least one, stand.
 Box boxOfCameras(const Dataset& dataset);
 
+/// Whether a sparse point is not finite, or as good as infinitely far from cameras that stand in such a box, as matches along
+/// the baseline make them: farther than a million times its diagonal. At a thousand a point moves by about a pixel between them.
+bool isAtInfinity(const Vec3d& point, const Box& cameras);
+
 }  // namespace nerfvdb
