@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 #include <vector>
 
+#include "core/median.h"
 #include "core/parallel.h"
 
 namespace nerfvdb {
@@ -48,8 +50,7 @@ double resolvedPixels(const Dataset& dataset) {
     parallelFor(found.size(), [&](std::size_t i) { found[i] = resolvedPixels(dataset.views[i * stride].photo); });
     std::erase(found, 0.0);
     if (found.empty()) return 1;
-    std::nth_element(found.begin(), found.begin() + found.size() / 2, found.end());
-    return found[found.size() / 2];
+    return medianOf(std::move(found));
 }
 
 }  // namespace nerfvdb

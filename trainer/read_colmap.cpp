@@ -6,8 +6,10 @@
 #include <cmath>
 #include <map>
 #include <set>
+#include <utility>
 
 #include "core/error.h"
+#include "core/median.h"
 #include "trainer/colmap_lens.h"
 #include "trainer/posed_frames.h"
 #include "trainer/scene_box.h"
@@ -245,9 +247,7 @@ std::optional<double> reprojectionError(const ColmapPart<ColmapCamera>& cameras,
         skip = i - image.observations.size();
     }
     if (errors.empty()) return std::nullopt;
-    const auto middle = errors.begin() + static_cast<std::ptrdiff_t>(errors.size() / 2);
-    std::nth_element(errors.begin(), middle, errors.end());
-    return *middle;
+    return medianOf(std::move(errors));
 }
 
 }  // namespace nerfvdb

@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 #include <vector>
 
 #include "core/error.h"
+#include "core/median.h"
 #include "core/parallel.h"
 #include "trainer/scene_box.h"
 #include "vdb/voxel_field.h"
@@ -30,11 +32,10 @@ bool isInPicture(const Camera& camera, const Vec3d& point, double part = 1) {
 }
 
 template <typename Value>
-double medianOf(const Dataset& dataset, const Value& value) {
+double medianOfCameras(const Dataset& dataset, const Value& value) {
     std::vector<double> values;
     for (const View& view : dataset.views) values.push_back(value(view.camera));
-    std::nth_element(values.begin(), values.begin() + values.size() / 2, values.end());
-    return values[values.size() / 2];
+    return medianOf(std::move(values));
 }
 
 Box grown(const Box& box, double margin) {
@@ -140,8 +141,8 @@ double distanceAhead(const Dataset& dataset, const Vec3d& axis) {
     }
     const Vec2d extent = upper - lower;  // the longer one comes last
     const double n = static_cast<double>(dataset.views.size());
-    const double pixels = medianOf(dataset, [](const Camera& camera) { return std::sqrt(double(camera.width) * camera.height); });
-    const double focal_length = medianOf(dataset, [](const Camera& camera) { return camera.fx; });
+    const double pixels = medianOfCameras(dataset, [](const Camera& camera) { return std::sqrt(double(camera.width) * camera.height); });
+    const double focal_length = medianOfCameras(dataset, [](const Camera& camera) { return camera.fx; });
     const double picture = std::max(std::sqrt(kSharedBy * extent.prod() / n), kSharedByStrip * extent[1] / n);  // world units
     return picture * focal_length / pixels;
 }
@@ -149,8 +150,8 @@ double distanceAhead(const Dataset& dataset, const Vec3d& axis) {
 SceneShells findSceneShells(const Dataset& dataset, const std::optional<Box>& given) {
     const Vec3d focus = commonFocus(dataset);
     const Box cameras = boxOfCameras(dataset);
-    const double distance = medianOf(dataset, [&](const Camera& camera) { return (focus - camera.position).norm(); });
-    const double focal_length = medianOf(dataset, [](const Camera& camera) { return camera.fx; });
+    const double distance = medianOfCameras(dataset, [&](const Camera& camera) { return (focus - camera.position).norm(); });
+    const double focal_length = medianOfCameras(dataset, [](const Camera& camera) { return camera.fx; });
     const auto n_inward = std::count_if(dataset.views.begin(), dataset.views.end(),
                                         [&](const View& view) { return isInPicture(view.camera, focus, kMiddlePart); });
     const bool is_inward = static_cast<double>(n_inward) >= kInward * static_cast<double>(dataset.views.size());

@@ -6,16 +6,9 @@
 #include <string>
 #include <vector>
 
+#include "core/median.h"
+
 namespace nerfvdb {
-namespace {
-
-double median(std::vector<double> values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
-
-}  // namespace
 
 void warnOfStrayCameras(Dataset& dataset) {
     constexpr double kFar = 100;  // of the median distance from the median place
@@ -28,11 +21,11 @@ void warnOfStrayCameras(Dataset& dataset) {
     for (int axis = 0; axis < 3; ++axis) {
         std::vector<double> along;
         for (const Vec3d& place : places) along.push_back(place[axis]);
-        middle[axis] = median(along);
+        middle[axis] = medianOf(along);
     }
     std::vector<double> distances;
     for (const Vec3d& place : places) distances.push_back((place - middle).norm());
-    const double usual = median(distances);
+    const double usual = medianOf(distances);
     const auto isStray = [&](const View& view) { return (view.camera.position - middle).norm() > kFar * usual; };
     const auto first = std::find_if(dataset.views.begin(), dataset.views.end(), isStray);
     const auto n = std::count_if(dataset.views.begin(), dataset.views.end(), isStray);

@@ -5,8 +5,10 @@
 #include <cmath>
 #include <cstdio>
 #include <string>
+#include <utility>
 
 #include "core/error.h"
+#include "core/median.h"
 #include "vdb/decoder.h"
 #include "vdb/topology.h"
 
@@ -45,8 +47,7 @@ int usefulLevels(const Dataset& dataset, const Box& box, double coarsest_voxel) 
     std::vector<double> pixel_sizes;
     for (const View& view : dataset.views)
         pixel_sizes.push_back((view.camera.position - box.center()).norm() / view.camera.fx);
-    std::nth_element(pixel_sizes.begin(), pixel_sizes.begin() + pixel_sizes.size() / 2, pixel_sizes.end());
-    const double smallest = kVoxelPerPixel * pixel_sizes[pixel_sizes.size() / 2];
+    const double smallest = kVoxelPerPixel * medianOf(std::move(pixel_sizes));
     int levels = 1;
     while (levels < kMaxLevels && coarsest_voxel / (1 << levels) >= smallest) ++levels;
     return levels;

@@ -4,7 +4,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
+#include "core/median.h"
 #include "core/parallel.h"
 
 namespace nerfvdb {
@@ -23,9 +25,8 @@ double squaredStride(const std::vector<View>& views) {
                 if (apart > 0) nearest[i] = std::min(nearest[i], apart);
             }
     });
-    const auto middle = nearest.begin() + static_cast<std::ptrdiff_t>(nearest.size() / 2);
-    std::nth_element(nearest.begin(), middle, nearest.end());
-    return *middle < kInfinity ? *middle : 0;
+    const double middle = medianOf(std::move(nearest));
+    return middle < kInfinity ? middle : 0;
 }
 
 }  // namespace
