@@ -8,8 +8,10 @@
 
 namespace nerfvdb {
 
-/// The nearest number of half precision (IEEE 754 binary16): 11 digits, not below 2^-24.
+/// The nearest number of half precision (IEEE 754 binary16): 11 digits, not below 2^-24. Beyond 65504, its largest, and what is
+/// not finite stays as it is.
 inline float inHalfPrecision(float value) {
+    if (!(std::abs(value) <= 65504)) return value;
     int exponent;
     std::frexp(value, &exponent);
     const int last_digit = std::max(exponent - 11, -24);

@@ -292,11 +292,6 @@ std::vector<Kernel> kernelsOf(KernelData& data, const KernelSet& set) {
     return kernels;
 }
 
-/// Leaves the best instruction set behind, whatever happens.
-struct RestoreTarget {
-    ~RestoreTarget() { simd::forceTarget({}); }
-};
-
 }  // namespace
 
 BenchResult benchKernels(const KernelOptions& options, Report& report) {
@@ -314,7 +309,7 @@ BenchResult benchKernels(const KernelOptions& options, Report& report) {
     std::vector<std::string> names = simd::supportedTargets();
     std::vector<Kernel> kernels;
     std::vector<std::string> series;
-    const RestoreTarget restore;
+    const simd::KeepTarget restore;
     for (const std::string& target : names)
         for (Kernel& kernel : kernelsOf(data, kSimd)) {
             kernel.run = [target, run = kernel.run] {

@@ -16,14 +16,12 @@
 namespace nerfvdb {
 namespace {
 
-constexpr std::int64_t kShortSteps = 40, kLongSteps = 400;  // of a training on hard input
+constexpr std::int64_t kShortSteps = 40, kLongSteps = kEnoughSteps;  // of a training on hard input
 constexpr int kShortScenes = 30, kLongScenes = 500;         // that try to break the bound of skipping
 
 /// Rays on every instruction set; the areas are told apart by its name.
 std::vector<StressRow> raysOnEveryTarget(Report& report) {
-    struct Restore {
-        ~Restore() { simd::forceTarget({}); }
-    } restore;
+    const simd::KeepTarget keep;
     std::vector<StressRow> all;
     for (const std::string& target : simd::supportedTargets()) {
         simd::forceTarget(target);

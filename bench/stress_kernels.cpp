@@ -366,9 +366,7 @@ private:
 }  // namespace
 
 std::vector<StressRow> stressKernels(Report& report) {
-    struct Restore {
-        ~Restore() { simd::forceTarget({}); }
-    } restore;
+    const simd::KeepTarget keep;
     const std::vector<std::string> targets = simd::supportedTargets();
     report.begin("instruction sets", static_cast<std::int64_t>(targets.size()));
     StressRow forced("targets", "instruction sets that this machine runs, each forced and then in use",

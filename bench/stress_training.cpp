@@ -146,8 +146,6 @@ Dataset brightened(Dataset dataset, const std::filesystem::path& scratch) {
     return dataset;
 }
 
-constexpr std::int64_t kEnoughSteps = 400;  // to hold what was learned against a figure
-
 /// Trains; a sentence of what came of it goes to the row.
 class InputJudge {
 public:
@@ -171,7 +169,7 @@ public:
         options.steps = {500};
         train(name, dataset, options, [&](const TrainResult& result) {
             const auto says = [&](const std::string& note) { return note.find(word) != std::string::npos; };
-            return std::any_of(result.notes.begin(), result.notes.end(), says);
+            return isFinite(result.model) && std::any_of(result.notes.begin(), result.notes.end(), says);
         });
     }
 

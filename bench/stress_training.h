@@ -12,6 +12,9 @@
 
 namespace nerfvdb {
 
+/// Steps of a training on hard input after which what it learned is held against a figure.
+inline constexpr std::int64_t kEnoughSteps = 400;
+
 /// Rows of area "training": the same bytes on repeated runs and on 1, 2 and 4 threads; learning rates ten times
 /// too high.
 std::vector<StressRow> stressDeterminism(Report& report);

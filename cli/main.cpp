@@ -7,6 +7,7 @@
 #include <exception>
 #include <iostream>
 #include <new>
+#include <sstream>
 
 #include "cli/commands.h"
 #include "cli/process.h"
@@ -19,8 +20,16 @@ using namespace nerfvdb;
 enum ExitCode { kDone = 0, kFailed = 1, kWrongUsage = 2, kInterrupted = 130 };
 
 int complain(ExitCode code, const std::string& message) {
-    std::cerr << "nerfvdb: " << message << std::endl;
+    std::cerr << "nerfvdb: " << printable(message) << std::endl;
     return code;
+}
+
+/// What CLI11 says of words that it does not understand, which it quotes.
+std::string wrongWords(const CLI::App* program, const CLI::Error& error) {
+    std::istringstream lines(CLI::FailureMessage::simple(program, error));
+    std::string text;
+    for (std::string line; std::getline(lines, line);) text += printable(line) + "\n";
+    return text;
 }
 
 /// Without allocating anything.
@@ -50,6 +59,7 @@ int runProgram(int argc, char** argv) {
     CLI::App program("Sparse radiance fields on OpenVDB: photographs in, volumes and meshes out.", "nerfvdb");
     program.set_version_flag("--version", "nerfvdb " NERFVDB_VERSION);
     program.require_subcommand(1);
+    program.failure_message(wrongWords);
     program.footer(
         "Example:\n  nerfvdb train photos/ --out model.vdb && nerfvdb export model.vdb --out volume.vdb\n"
         "\n'nerfvdb COMMAND --help' tells more.");

@@ -9,9 +9,10 @@ void PhotoWords::add(CLI::App& command) {
                        "or 8x8 pixels of the originals (folders such as images_2 are not looked at) [1]")
         ->check(CLI::IsMember({1, 2, 4, 8}))
         ->type_name("N");
-    CLI::Option* const masks = command.add_flag("--alpha-masks", alpha_masks_,
-                     "Alpha is a mask: pixels that are more than half transparent do not count. Else they show that nothing of "
-                     "the scene is there");
+    CLI::Option* const masks = command.add_flag(
+        "--alpha-masks", alpha_masks_,
+        "Alpha is a mask: pixels that are more than half transparent do not count. Else they show that nothing of the scene is "
+        "there");
     command.add_flag("--no-alpha", no_alpha_, "Photographs with alpha are laid on white, and nobody is told where they were transparent")
         ->excludes(masks);
     command.add_flag("--no-masks", no_masks_,

@@ -6,10 +6,13 @@ namespace nerfvdb {
 std::string printable(std::string_view text) {
     constexpr char kDigits[] = "0123456789abcdef";
     std::string shown;
-    for (const char c : text) {
-        const auto byte = static_cast<unsigned char>(c);
-        if (byte >= 0x20 && byte != 0x7f) shown += c;
-        else shown += {'\\', 'x', kDigits[byte >> 4], kDigits[byte & 15]};
+    const auto at = [&](std::size_t i) { return static_cast<unsigned char>(i < text.size() ? text[i] : 0); };
+    const auto write = [&](unsigned char byte) { shown += {'\\', 'x', kDigits[byte >> 4], kDigits[byte & 15]}; };
+    for (std::size_t i = 0; i < text.size(); ++i) {
+        const bool is_c1 = at(i) == 0xc2 && at(i + 1) >= 0x80 && at(i + 1) < 0xa0;  // two bytes of UTF-8
+        if (is_c1) write(at(i)), write(at(++i));
+        else if (at(i) < 0x20 || at(i) == 0x7f) write(at(i));
+        else shown += text[i];
     }
     return shown;
 }

@@ -10,7 +10,8 @@
 
 namespace nerfvdb {
 
-/// The same with control characters written out (\x1b, \x0a): names from files cannot colour, clear or fake a terminal's lines.
+/// The same with control characters, UTF-8's too, written out (\x1b, \x0a): names from files and from the command line cannot
+/// colour, clear or fake a terminal's lines.
 std::string printable(std::string_view text);
 
 class Error : public std::runtime_error {

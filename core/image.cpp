@@ -66,7 +66,7 @@ bool isKnownFormat(std::string_view bytes) {
 
 /// Refuses what is no picture by its first bytes.
 void checkBeginning(const fs::path& path) {
-    const PlainFile readable(path);
+    { const PlainFile is_readable(path); }  // throws for what is none
     std::array<char, 8> first{};
     std::ifstream file(path, std::ios::binary);
     file.read(first.data(), first.size());

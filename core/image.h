@@ -47,6 +47,9 @@ struct Photo {
     }
 };
 
+/// Lays a photograph on white and forgets its alpha: sRGB values are mixed, as programs that show pictures mix them.
+void layOnWhite(Photo& photo);
+
 /// Reads PNG, JPEG or EXR, whatever the file's name. Straight alpha; EXR is encoded to sRGB, clamped to [0, 1].
 /// Throws IoError when the file cannot be opened, DataError when it cannot be decoded to the end
 /// (a truncated file is an error, never a half-black picture) or holds non-finite values.
@@ -69,9 +72,6 @@ struct PhotoOrigin {
     double focal_length_mm = 0;  // of the lens
     bool has_position = false;   // latitude and longitude
 };
-
-/// Lays a photograph on white and forgets its alpha: sRGB values are mixed, as programs that show pictures mix them.
-void layOnWhite(Photo& photo);
 
 /// The header alone, without decoding. Throws as readPhoto.
 PhotoOrigin readPhotoOrigin(const std::filesystem::path& path);

@@ -2,6 +2,7 @@
 #include "core/ply_header.h"
 
 #include <algorithm>
+#include <charconv>
 #include <sstream>
 
 #include "core/error.h"
@@ -38,10 +39,10 @@ std::size_t plyTypeSize(std::string_view type) {
 }
 
 PlyHeader parsePlyHeader(const std::string& where, std::string_view bytes) {
-    constexpr std::string_view kBegin = "ply", kEnd = "end_header";
+    constexpr std::string_view kBegin = "ply", kEnd = "\nend_header";
     constexpr std::size_t kLongest = 1 << 16;
     const std::size_t last = bytes.substr(0, kLongest).find(kEnd);
-    const std::size_t end = last == bytes.npos ? last : bytes.find('\n', last);
+    const std::size_t end = last == bytes.npos ? last : bytes.find('\n', last + kEnd.size());
     if (!bytes.starts_with(kBegin) || end == bytes.npos)
         throw DataError(where, "no PLY header", "a file that begins with \"ply\" and has \"end_header\"");
     PlyHeader header;
@@ -59,7 +60,10 @@ PlyHeader parsePlyHeader(const std::string& where, std::string_view bytes) {
             has_format = true;
         } else if (word == "element") {
             PlyElement element{type, 0, {}};
-            if (!(words >> element.count)) fail("\"element vertex N\"");
+            std::string count;
+            words >> count;
+            const auto [rest, error] = std::from_chars(count.data(), count.data() + count.size(), element.count);
+            if (error != std::errc() || rest != count.data() + count.size()) fail("\"element vertex N\"");
             header.elements.push_back(element);
         } else if (word == "property") {
             if (header.elements.empty()) fail("an element before its properties");

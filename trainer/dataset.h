@@ -40,7 +40,7 @@ struct Dataset {
     std::vector<View> views;
     bool has_alpha = false;               // of any photo; without photos: any image's header has a channel for it
     std::optional<double> aabb_scale;     // as in the file (instant-ngp); see sceneBoxFromAabbScale
-    std::vector<Vec3d> points;            // sparse, of what at least two photographs show; world units (COLMAP, nerfstudio)
+    std::vector<Vec3d> points;            // sparse, world units: COLMAP's that two photographs show at least, nerfstudio's
     std::vector<std::string> warnings;    // for a person, also sent to the Report
 };
 

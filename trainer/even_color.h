@@ -10,7 +10,7 @@
 namespace nerfvdb {
 
 /// Mean squared error a channel of the best single colour for the pixels that rays of step `step` are drawn from, laid on
-/// `background` where they have alpha. Of 4096 rays: good to a few percent. Throws what RaySource::draw throws.
+/// `background` where they have alpha. Of 4096 rays: good to a few percent. The source must have a tile.
 double evenColorError(const RaySource& source, std::uint64_t step, const Vec3f& background);
 
 }  // namespace nerfvdb

@@ -14,7 +14,7 @@
 namespace nerfvdb {
 namespace {
 
-constexpr const char* kAdvice = "write the points anew, or remove ply_file_path";
+constexpr const char* kAdvice = "write the points anew";
 
 [[noreturn]] void failAt(const std::string& where, std::size_t vertex, const char* found) {
     throw DataError(where + ": vertex " + std::to_string(vertex), found, "as many numbers as its properties", kAdvice);
@@ -25,14 +25,16 @@ class Words {
 public:
     explicit Words(std::string_view text) : text_(text) {}
     bool next(double& value) {
-        const std::size_t begin = text_.find_first_not_of(" \t\r\n");
+        constexpr std::string_view kSpace = " \t\r\n";
+        const std::size_t begin = text_.find_first_not_of(kSpace);
         if (begin == text_.npos) return false;
         text_.remove_prefix(begin);
         const auto [end, error] = std::from_chars(text_.data(), text_.data() + text_.size(), value);
+        const std::string_view word = text_.substr(0, static_cast<std::size_t>(end - text_.data()));
         if (error == std::errc::invalid_argument) return false;
-        if (error == std::errc::result_out_of_range) value = HUGE_VAL;
-        text_.remove_prefix(static_cast<std::size_t>(end - text_.data()));
-        return true;
+        if (error == std::errc::result_out_of_range) value = word.find("e-") == word.npos && word.find("E-") == word.npos ? HUGE_VAL : 0;
+        text_.remove_prefix(word.size());
+        return text_.empty() || kSpace.find(text_.front()) != kSpace.npos;
     }
 
 private:

@@ -37,14 +37,33 @@ std::optional<fs::path> pathInside(const std::string& name) {
     return path;
 }
 
+namespace {
+
+std::string slashed(std::string name) {
+    std::replace(name.begin(), name.end(), '\\', '/');
+    return name;
+}
+
+}  // namespace
+
+bool leadsOut(const std::string& name) {
+    const std::string path = slashed(name);
+    const bool has_drive = path.size() > 2 && path[1] == ':' && path[2] == '/';
+    return has_drive || !pathInside(path);
+}
+
+std::optional<fs::path> placeExpected(const std::string& name) {
+    const std::string path = slashed(name);
+    return pathInside(leadsOut(name) ? fs::path(path).filename().string() : path);
+}
+
 std::optional<fs::path> placeInside(const std::string& name, const std::function<bool(const fs::path&)>& is_there) {
-    std::string slashed = name;
     if (const std::optional<fs::path> as_named = pathInside(name); as_named && is_there(*as_named)) return as_named;
-    std::replace(slashed.begin(), slashed.end(), '\\', '/');
-    const bool has_drive = slashed.size() > 2 && slashed[1] == ':' && slashed[2] == '/';
-    if (const std::optional<fs::path> relative = pathInside(slashed); relative && !has_drive)
-        return is_there(*relative) ? relative : std::nullopt;
-    const fs::path whole = fs::path(slashed).lexically_normal();
+    if (!leadsOut(name)) {
+        const std::optional<fs::path> relative = placeExpected(name);
+        return relative && is_there(*relative) ? relative : std::nullopt;
+    }
+    const fs::path whole = fs::path(slashed(name)).lexically_normal();
     for (auto first = whole.begin(); first != whole.end(); ++first) {
         fs::path end;
         for (auto part = first; part != whole.end(); ++part) end /= *part;
@@ -73,7 +92,7 @@ fs::path findImageFolder(const fs::path& root) {
 }
 
 void warnOfMoved(const std::vector<ListedFrame>& frames, const std::string& where, std::vector<std::string>& warnings) {
-    const auto isMoved = [](const ListedFrame& frame) { return frame.has_image && !pathInside(frame.name); };
+    const auto isMoved = [](const ListedFrame& frame) { return frame.has_image && leadsOut(frame.name); };
     const auto first = std::find_if(frames.begin(), frames.end(), isMoved);
     if (first == frames.end()) return;
     warnings.push_back(where + ": " + std::to_string(std::count_if(frames.begin(), frames.end(), isMoved)) + " of " +
@@ -100,7 +119,7 @@ void dropAbsent(std::vector<ListedFrame>& frames, const std::string& where, bool
         std::find_if(frames.begin(), frames.end(), [](const ListedFrame& frame) { return !frame.has_image; });
     if (first_absent == frames.end()) return;
     const std::string example = first_absent->image.string() +
-                                (pathInside(first_absent->name) ? "" : ", for " + first_absent->name + ", which leads out of the data folder");
+                                (!leadsOut(first_absent->name) ? "" : ", for " + first_absent->name + ", which leads out of the data folder");
     std::erase_if(frames, [](const ListedFrame& frame) { return !frame.has_image; });
 
     const std::string absent = std::to_string(n_listed - frames.size()) + " of " + std::to_string(n_listed) +

@@ -29,6 +29,12 @@ const char* nameOf(Split split);
 /// A relative path in its normal form; nothing for one that is empty or leads out of the folder it is relative to.
 std::optional<std::filesystem::path> pathInside(const std::string& name);
 
+/// Whether a name, backslashes between folders or not, leads out of its folder: upwards, absolute, or with a drive.
+bool leadsOut(const std::string& name);
+
+/// Where a file of such a name would lie in its folder: at the name, or, if that leads out, at its last part. Nothing if it has none.
+std::optional<std::filesystem::path> placeExpected(const std::string& name);
+
 /// Where in its folder a file lies that a list names, if `is_there` finds it: as named, backslashes between folders or
 /// not. Of a path that is absolute or leads out of the folder, as lists from other machines have, the longest end that is there.
 std::optional<std::filesystem::path> placeInside(const std::string& name,

@@ -112,8 +112,7 @@ ListedFrame findImage(const ColmapPart<ColmapImage>& images, std::size_t index, 
         return false;
     };
     if (placeInside(name, isThere)) return {index, name, image, true};
-    std::optional<fs::path> expected = pathInside(name);
-    if (!expected) expected = pathInside(fs::path(name).filename().string());
+    const std::optional<fs::path> expected = placeExpected(name);
     if (!expected)
         throw DataError(placeOf(images, images.entries[index]), "the name '" + name + "'", "a path inside " + folder.string());
     return {index, name, folder / *expected, false};
@@ -158,8 +157,7 @@ void dropInfinitePoints(ColmapPart<ColmapPoint>& points, Dataset& dataset) {
     const std::size_t n_infinite =
         std::erase_if(points.entries, [&](const ColmapPoint& point) { return isAtInfinity(point.position, cameras); });
     if (n_infinite > 0)
-        dataset.warnings.push_back(points.file.string() + ": " + std::to_string(n_infinite) + " of " + std::to_string(n_all) +
-                                   " points are not finite, or as good as infinitely far away, and are left out");
+        dataset.warnings.push_back(points.file.string() + ": " + leftOutAtInfinity(n_infinite, n_all));
 }
 
 std::vector<Vec3d> usefulPoints(const ColmapPart<ColmapPoint>& points) {

@@ -75,9 +75,9 @@ ListedFrame findImage(const JsonNode& frame, std::size_t index, const fs::path& 
         return false;
     };
     if (placeInside(file_path, isThere)) return {index, file_path, image, true};
-    const std::optional<fs::path> relative = pathInside(fs::path(file_path).filename().string());
+    const std::optional<fs::path> relative = placeExpected(file_path);
     if (!relative) node.fail("'" + file_path + "'", "a path inside the data folder", kNoPlace);
-    fs::path expected = folder / pathInside(file_path).value_or(*relative);
+    fs::path expected = folder / *relative;
     if (!expected.has_extension()) expected += ".png";
     return {index, file_path, expected, false};
 }
@@ -259,14 +259,17 @@ std::vector<Vec3d> sparsePoints(const JsonNode& node, const fs::path& file, Data
         warn("no file " + name + " in the data folder; training finds out by itself where voxels are needed");
         return {};
     }
-    std::vector<Vec3d> points = readPlyPoints(folder / *relative);
-    const Box cameras = boxOfCameras(dataset);
-    const std::size_t n_all = points.size();
-    const std::size_t n_infinite = std::erase_if(points, [&](const Vec3d& point) { return isAtInfinity(point, cameras); });
-    if (n_infinite > 0)
-        warn(std::to_string(n_infinite) + " of " + std::to_string(n_all) +
-             " points are not finite, or as good as infinitely far away, and are left out");
-    return points;
+    try {
+        std::vector<Vec3d> points = readPlyPoints(folder / *relative);
+        const std::size_t n_all = points.size();
+        const Box cameras = boxOfCameras(dataset);
+        const auto n = std::erase_if(points, [&](const Vec3d& point) { return isAtInfinity(point, cameras); });
+        if (n > 0) warn(leftOutAtInfinity(n, n_all));
+        return points;
+    } catch (const Error& error) {
+        warn(std::string(error.what()) + "; training goes on without the points");
+        return {};
+    }
 }
 
 /// Whether a camera moves while the photograph is taken, as instant-ngp has it.
@@ -347,7 +350,7 @@ Dataset readTransforms(const fs::path& path, Split split, bool strict, bool chec
         view.mask_path = namedMask(node, source.file.parent_path(), view.path);
         dataset.views.push_back(std::move(view));
     }
-    if (document.has("ply_file_path")) dataset.points = sparsePoints(document.at("ply_file_path"), source.file, dataset);
+    if (split == Split::train && document.has("ply_file_path")) dataset.points = sparsePoints(document.at("ply_file_path"), source.file, dataset);
     return dataset;
 }
 

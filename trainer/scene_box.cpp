@@ -117,4 +117,9 @@ bool isAtInfinity(const Vec3d& point, const Box& cameras) {
     return !(farthest == 0 ? point.allFinite() : (point - cameras.center()).norm() <= farthest);
 }
 
+std::string leftOutAtInfinity(std::size_t n, std::size_t n_all) {
+    return std::to_string(n) + " of " + std::to_string(n_all) +
+           " points are not finite, or as good as infinitely far away, and are left out";
+}
+
 }  // namespace nerfvdb

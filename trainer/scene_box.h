@@ -31,5 +31,7 @@ Box boxOfCameras(const Dataset& dataset);
 /// Whether a sparse point is not finite, or as good as infinitely far from cameras that stand in such a box, as matches along
 /// the baseline make them: farther than a million times its diagonal. At a thousand a point moves by about a pixel between them.
 bool isAtInfinity(const Vec3d& point, const Box& cameras);
+/// "3 of 40 points are not finite, ...": the sentence about those that were left out for it.
+std::string leftOutAtInfinity(std::size_t n, std::size_t n_all);
 
 }  // namespace nerfvdb

@@ -112,7 +112,7 @@ std::span<const float> TrainStepper::networkGradient() {
 std::span<const float> TrainStepper::skyGradient(const Sky& sky) {
     dl_dsky_.assign(sky.values().size(), 0.0f);
     for (std::size_t t = 0; t < n_tiles_; ++t)
-        for (const SkyRay& ray : tiles_[t].sky_rays) Sky::backward(ray.look, ray.dl_dcolor, dl_dsky_);
+        for (const SkyRay& ray : tiles_[t].sky_rays) Sky::backward(ray.sight, ray.dl_dcolor, dl_dsky_);
     return dl_dsky_;
 }
 
@@ -150,7 +150,7 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
         const TrainingRay& drawn = worker.rays[r];
         const float transmittance = tracer.transmittance()[r], opacity = 1 - transmittance;
         const bool sees_sky = !state.sky.isEmpty() && transmittance > kLeastSky;
-        const Sky::Look sky = sees_sky ? state.sky.look(tracer.directions() + 3 * r) : Sky::Look{};
+        const Sky::Sight sky = sees_sky ? state.sky.look(tracer.directions() + 3 * r) : Sky::Sight{};
         const Vec3f background = sees_sky ? sky.color : state.background;
         // Every other ray before the background itself, on which pictures are shown.
         const bool before_random = state.behind == Behind::random && mixBits(drawn.bits + 3) >> 63 != 0;

@@ -122,7 +122,7 @@ private:
     };
     /// What a ray that reaches the sky says about it.
     struct SkyRay {
-        Sky::Look look;
+        Sky::Sight sight;
         Vec3f dl_dcolor;
     };
     struct Tile {

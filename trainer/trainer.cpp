@@ -549,13 +549,15 @@ void Training::tell(bool force) {
 /// Wrong bounds or poses leave a model that no number calls wrong.
 void Training::warnIfNothingWasLearned() {
     constexpr std::int64_t kLeastSteps = 500;  // before, most is fog yet
-    constexpr double kVisible = 1e-3;          // of squared error, 30 dB: photographs of one colour are as good as that soon
-    if (place_.step < kLeastSteps || source_.tileCount() == 0) return;
+    constexpr double kVisible = 4e-3;          // of squared error, 24 dB: photographs of nearly one colour may have no more so soon
+    if (place_.step < kLeastSteps) return;
+    // The mean error is also of rays before random colours, where there is alpha: it errs to the side of saying nothing only of
+    // models that are as bad as this.
     const double even = evenColorError(source_, static_cast<std::uint64_t>(place_.step), state_.background);
     if (place_.mean_error < std::max(even, kVisible)) return;
     char text[192];
-    std::snprintf(text, sizeof text, "nothing was learned: training rays have %.1f dB, and a picture of one colour would have %.1f; are "
-                  "poses and --bounds those of this scene?", psnrFromMse(place_.mean_error), psnrFromMse(even));
+    std::snprintf(text, sizeof text, "nothing was learned: training rays have %.1f dB, no more than a picture of one colour would; are "
+                  "poses and --bounds those of this scene?", psnrFromMse(place_.mean_error));
     notes_.push_back(text);
     report_.warn(text);
 }

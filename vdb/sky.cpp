@@ -30,7 +30,7 @@ Sky::Sky(int width, const Vec3f& color) : width_(width) {
     }
 }
 
-Sky::Look Sky::look(const float* direction) const {
+Sky::Sight Sky::look(const float* direction) const {
     constexpr auto kPi = static_cast<float>(M_PI);
     const float longitude = std::atan2(direction[1], direction[0]) / (2 * kPi) + 0.5f;
     const float latitude = std::acos(std::clamp(direction[2], -1.0f, 1.0f)) / kPi;
@@ -41,21 +41,21 @@ Sky::Look Sky::look(const float* direction) const {
     const auto texel = [&](int column, int row) {
         return 3 * static_cast<std::uint32_t>(row * width_ + (column + width_) % width_);
     };
-    Look look{{texel(x0, y0), texel(x0 + 1, y0), texel(x0, y0 + 1), texel(x0 + 1, y0 + 1)},
+    Sight sight{{texel(x0, y0), texel(x0 + 1, y0), texel(x0, y0 + 1), texel(x0 + 1, y0 + 1)},
               {(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy},
               {}};
     for (int c = 0; c < 3; ++c) {
         float value = 0;
-        for (int t = 0; t < 4; ++t) value += look.weight[t] * values_[look.texel[t] + c];
-        look.color[c] = 1 / (1 + std::exp(-value));
+        for (int t = 0; t < 4; ++t) value += sight.weight[t] * values_[sight.texel[t] + c];
+        sight.color[c] = 1 / (1 + std::exp(-value));
     }
-    return look;
+    return sight;
 }
 
-void Sky::backward(const Look& look, const Vec3f& dl_dcolor, std::span<float> dl_dvalues) {
+void Sky::backward(const Sight& sight, const Vec3f& dl_dcolor, std::span<float> dl_dvalues) {
     for (int c = 0; c < 3; ++c) {
-        const float dl_dvalue = dl_dcolor[c] * look.color[c] * (1 - look.color[c]);
-        for (int t = 0; t < 4; ++t) dl_dvalues[look.texel[t] + c] += look.weight[t] * dl_dvalue;
+        const float dl_dvalue = dl_dcolor[c] * sight.color[c] * (1 - sight.color[c]);
+        for (int t = 0; t < 4; ++t) dl_dvalues[sight.texel[t] + c] += sight.weight[t] * dl_dvalue;
     }
 }
 

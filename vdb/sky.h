@@ -15,7 +15,7 @@ namespace nerfvdb {
 
 class Sky {
 public:
-    /// No sky: what is behind the scene has one colour, and at() must not be called.
+    /// No sky: what is behind the scene has one colour, and at() and look() must not be called.
     Sky() = default;
     /// height = width / 2 texels, all of one colour (sRGB values). Throws UsageError unless width is even, 4 to 8192.
     Sky(int width, const Vec3f& color);
@@ -25,15 +25,16 @@ public:
     int height() const { return width_ / 2; }
     /// sRGB values in (0, 1) in a direction (unit, world).
     Vec3f at(const float* direction) const { return look(direction).color; }
-    /// The same, with what the way back needs: four texels, their numbers (of their first value) and weights.
-    struct Look {
-        std::array<std::uint32_t, 4> texel;
+    /// What is seen in a direction, and the four texels that it is made of.
+    struct Sight {
+        std::array<std::uint32_t, 4> texel;  // numbers of their first values
         std::array<float, 4> weight;
         Vec3f color;
     };
-    Look look(const float* direction) const;
-    /// Adds to dl_dvalues [height][width][3] what a loss says that changes with look.color by dl_dcolor.
-    static void backward(const Look& look, const Vec3f& dl_dcolor, std::span<float> dl_dvalues);
+    /// at(direction) with what the way back needs.
+    Sight look(const float* direction) const;
+    /// Adds to dl_dvalues [height][width][3] what a loss says that changes with sight.color by dl_dcolor.
+    static void backward(const Sight& sight, const Vec3f& dl_dcolor, std::span<float> dl_dvalues);
     /// Moves each texel the share `pull` of the way to the mean of its neighbours: what no ray sees follows what is
     /// seen. `scratch` is working memory.
     void smooth(float pull, std::vector<float>& scratch);

@@ -20,7 +20,7 @@ namespace {
 /// Garbage, made fit to be printed: OpenVDB quotes the file.
 std::string asciiOf(std::string text) {
     for (char& c : text)
-        if (c < 0x20 || c == 0x7f) c = '?';  // also what is not ASCII
+        if (const auto byte = static_cast<unsigned char>(c); byte < 0x20 || byte >= 0x7f) c = '?';
     return text;
 }
 

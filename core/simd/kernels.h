@@ -108,6 +108,18 @@ std::vector<std::string> supportedTargets();
 /// Runs every kernel on one of supportedTargets(), on the best again for an empty name. False, and nothing changes,
 /// for a name that is not among them. For tests and measurements; not while kernels run.
 bool forceTarget(const std::string& name);
+
+/// Whatever is forced while it lives, the instruction set that was in use before is in use again after it.
+class KeepTarget {
+public:
+    KeepTarget() : before_(activeTarget()) {}
+    ~KeepTarget() { forceTarget(before_); }
+    KeepTarget(const KeepTarget&) = delete;
+    KeepTarget& operator=(const KeepTarget&) = delete;
+
+private:
+    std::string before_;
+};
 }  // namespace simd
 
 namespace reference {

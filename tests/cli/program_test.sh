@@ -93,6 +93,10 @@ test_usage() {
     expect 2 train data --out model.vdb --threads 0
     expect 2 eval model.vdb data --split evening
     expect 2 eval model.vdb data --every 0
+    expect 2 eval model.vdb data --alpha-masks --no-alpha
+    says err "--alpha-masks"
+    expect 2 train data --out model.vdb $'--fly\x1b[31m'
+    says err '--fly\x1b[31m'
     expect 2 render model.vdb
     says err "one of --data, --path and --orbit"
     expect 2 render model.vdb --orbit 3 --data data
@@ -548,6 +552,20 @@ test_threads() {
     cmp one.vdb two.vdb || fail "the model depends on the number of threads"
     expect 0 train data --out other.vdb --steps 12,12,12 --seed 2
     if cmp -s one.vdb other.vdb; then fail "the seed changes nothing"; fi
+
+    # Every instruction set that there is scores the same, to a hundredth of a decibel.
+    expect 2 info data --simd ABACUS
+    says err "--simd"
+    local sets set
+    sets=$(sed -n 's/.*{\(.*\)}.*/\1/p' err | tr , ' ')
+    [[ $(wc -w <<<"$sets") -ge 1 ]] || fail "no instruction set is named"
+    for set in $sets; do
+        expect 0 eval one.vdb data --simd "$set" --json "$set.json"
+    done
+    for set in $sets; do sed -n 's/^  "psnr": \([0-9.]*\).*/\1/p' "$set.json"; done >scores
+    awk 'NR == 1 { low = high = $1 }
+         { if ($1 < low) low = $1; if ($1 > high) high = $1 }
+         END { exit !(NR > 0 && high - low < 0.01) }' scores || fail "instruction sets differ: $(cat scores)"
 }
 
 # A scene in two blocks is one scene to every command.

@@ -168,12 +168,6 @@ TEST_CASE("targets that cannot be written are named with advice", "[core]") {
     }
 }
 
-TEST_CASE("an error shows what files say without doing it", "[core]") {
-    const DataError error("a\x1b[2J.png", std::string("'x\0\n\x7f'", 6), "a \xc3\xa4");
-    CHECK(error.what() == std::string("a\\x1b[2J.png: found 'x\\x00\\x0a\\x7f', expected a \xc3\xa4"));
-    CHECK(printable("\xc3\xa4") == "\xc3\xa4");  // what is not ASCII stays
-}
-
 TEST_CASE("reading names what is not a file", "[core]") {
     const TempDir dir;
     CHECK_THROWS_WITH(readFile(dir / "none"), Contains("none") && Contains("No such file"));

@@ -9,12 +9,10 @@
 
 namespace nerfvdb::test {
 
-/// Calls body() with each target forced in turn, and leaves the best one active.
+/// Calls body() with each target forced in turn, and leaves that active which was.
 template <typename Body>
 void forEachTarget(const Body& body) {
-    struct Restore {
-        ~Restore() { simd::forceTarget({}); }
-    } restore;
+    const simd::KeepTarget keep;
     for (const std::string& target : simd::supportedTargets()) {
         CAPTURE(target);
         REQUIRE(simd::forceTarget(target));

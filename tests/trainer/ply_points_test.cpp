@@ -50,6 +50,11 @@ TEST_CASE("points come from text and from binary files, whatever else a vertex h
     CHECK(readPlyPoints(dir / "none.ply").empty());
     writeAtomically(dir / "far.ply", std::string(kText).replace(kText.find("3e1"), 3, "1e999"));
     CHECK_FALSE(readPlyPoints(dir / "far.ply")[0].allFinite());
+    writeAtomically(dir / "near.ply", std::string(kText).replace(kText.find("3e1"), 3, "1e-999"));
+    CHECK(readPlyPoints(dir / "near.ply")[0] == Vec3d(1, -2.5, 0));
+    const std::string comment = "comment the end_header comes later";
+    writeAtomically(dir / "comment.ply", std::string(kText).replace(kText.find("comment as"), 29, comment));
+    CHECK(readPlyPoints(dir / "comment.ply").size() == 2);
 }
 
 TEST_CASE("points that cannot be read are named", "[trainer]") {
@@ -70,7 +75,9 @@ TEST_CASE("points that cannot be read are named", "[trainer]") {
     CHECK_THROWS_WITH(readPlyPoints(with("float y", "int y")), Contains("without float or double x, y and z"));
     CHECK_THROWS_WITH(readPlyPoints(with("uint8 red", "list uchar int red")), Contains("a list"));
     CHECK_THROWS_WITH(readPlyPoints(with("uint8 red", "colour red")), Contains("colour"));
-    CHECK_THROWS_WITH(readPlyPoints(with("-2.5", "two")), Contains("vertex 0") && Contains("ply_file_path"));
+    CHECK_THROWS_WITH(readPlyPoints(with("-2.5", "two")), Contains("vertex 0") && Contains("write the points anew"));
+    CHECK_THROWS_WITH(readPlyPoints(with("1 -2.5", "1-2.5")), Contains("vertex 0"));
+    CHECK_THROWS_WITH(readPlyPoints(with("element vertex 2", "element vertex -1")), Contains("element vertex -1"));
     CHECK_THROWS_WITH(readPlyPoints(with("-1 7\n", "-1\n")), Contains("vertex 1"));
 }
 
@@ -92,5 +99,8 @@ TEST_CASE("the points beside a list of frames are the data set's, if they are th
     CHECK_THAT(with.warnings[0], Contains("1 of 2 points are not finite, or"));
 
     writeAtomically(scene.dir / "sparse_pc.ply", "ply");
-    CHECK_THROWS_WITH(readTransforms(scene.dir.path(), Split::train, true), Contains("sparse_pc.ply"));
+    const Dataset damaged = readTransforms(scene.dir.path(), Split::train, true);
+    CHECK(damaged.points.empty());
+    REQUIRE(damaged.warnings.size() == 1);
+    CHECK_THAT(damaged.warnings[0], Contains("sparse_pc.ply: found no PLY header") && Contains("training goes on without"));
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "vdb/sky.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/error.h"
@@ -107,6 +108,18 @@ TEST_CASE("smoothing draws texels to their neighbours' mean and keeps values in 
     CHECK(sky.values()[3 * (3 * 16)] == 2);
     for (const int neighbour : {3 * 16 + 1, 3 * 16 + 15, 2 * 16, 4 * 16}) CHECK(sky.values()[3 * neighbour] == 0.5f);
     CHECK(sky.values()[3 * (3 * 16) + 1] == 0);
+
+    // Rows of several tasks, against the formula.
+    Sky tall = randomSky(96, 2);
+    const std::vector<float> old(tall.values().begin(), tall.values().end());
+    tall.smooth(0.3f, scratch);
+    const auto at = [&](int x, int y, int c) { return old[3 * (std::clamp(y, 0, 47) * 96 + (x + 96) % 96) + c]; };
+    for (int y = 0; y < 48; ++y)
+        for (int x = 0; x < 96; ++x)
+            for (int c = 0; c < 3; ++c) {
+                const float mean = 0.25f * (at(x - 1, y, c) + at(x + 1, y, c) + at(x, y - 1, c) + at(x, y + 1, c));
+                CHECK(tall.values()[3 * (y * 96 + x) + c] == Approx(at(x, y, c) + 0.3f * (mean - at(x, y, c))).margin(1e-6));
+            }
 
     Sky wild(8, Vec3f::Constant(0.5f));
     for (float& value : wild.values()) value = 1e6f;
