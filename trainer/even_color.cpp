@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trainer/even_color.h"
 
+#include <cstdio>
 #include <vector>
+
+#include "core/metrics.h"
 
 namespace nerfvdb {
 
@@ -18,6 +21,17 @@ double evenColorError(const RaySource& source, std::uint64_t step, const Vec3f& 
     }
     const Vec3d mean = sum / kRays;
     return (squares / kRays - mean.cwiseProduct(mean)).cwiseMax(0.0).mean();
+}
+
+std::string nothingLearned(const RaySource& source, std::int64_t steps, const Vec3f& background, double mean_error) {
+    constexpr std::int64_t kLeastSteps = 500;  // before, most is fog yet
+    constexpr double kVisible = 4e-3;          // of squared error, 24 dB: photographs of nearly one colour may have no more so soon
+    if (steps < kLeastSteps || mean_error < kVisible) return {};
+    if (mean_error < evenColorError(source, static_cast<std::uint64_t>(steps), background)) return {};
+    char text[192];
+    std::snprintf(text, sizeof text, "nothing was learned: training rays have %.1f dB, no more than a picture of one colour would; are "
+                  "poses and --bounds those of this scene?", psnrFromMse(mean_error));
+    return text;
 }
 
 }  // namespace nerfvdb

@@ -100,7 +100,6 @@ private:
     void updateOccupancy();
     StepRates rates() const;
     void tell(bool force);
-    void warnIfNothingWasLearned();
     void saveMeanwhile();
     TrainResult finish(bool interrupted);
     Stage& stage() { return place_.stages[place_.stage]; }
@@ -546,22 +545,6 @@ void Training::tell(bool force) {
     report_.update(place_.step, note);
 }
 
-/// Wrong bounds or poses leave a model that no number calls wrong.
-void Training::warnIfNothingWasLearned() {
-    constexpr std::int64_t kLeastSteps = 500;  // before, most is fog yet
-    constexpr double kVisible = 4e-3;          // of squared error, 24 dB: photographs of nearly one colour may have no more so soon
-    if (place_.step < kLeastSteps) return;
-    // The mean error is also of rays before random colours, where there is alpha: it errs to the side of saying nothing only of
-    // models that are as bad as this.
-    const double even = evenColorError(source_, static_cast<std::uint64_t>(place_.step), state_.background);
-    if (place_.mean_error < std::max(even, kVisible)) return;
-    char text[192];
-    std::snprintf(text, sizeof text, "nothing was learned: training rays have %.1f dB, no more than a picture of one colour would; are "
-                  "poses and --bounds those of this scene?", psnrFromMse(place_.mean_error));
-    notes_.push_back(text);
-    report_.warn(text);
-}
-
 void Training::saveMeanwhile() {
     if (!checkpoints_.isDue()) return;
     const bool has_room =
@@ -595,7 +578,10 @@ TrainResult Training::finish(bool interrupted) {
     result.checkpoint_error = checkpoints_.error();
     result.checkpoints = checkpoints_.count();
     result.checkpoint_seconds = checkpoints_.haltedSeconds();
-    warnIfNothingWasLearned();
+    if (const std::string nothing = nothingLearned(source_, place_.step, state_.background, place_.mean_error); !nothing.empty()) {
+        notes_.push_back(nothing);
+        report_.warn(nothing);
+    }
     result.notes = notes_;
     if (photosOnDisk()) result.notes.push_back("photographs were read from a cache on disk, not from memory");
     return result;

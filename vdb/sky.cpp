@@ -60,26 +60,24 @@ void Sky::backward(const Sight& sight, const Vec3f& dl_dcolor, std::span<float> 
 }
 
 void Sky::smooth(float pull, std::vector<float>& scratch) {
-    const std::size_t row = static_cast<std::size_t>(width_) * 3;
+    const std::size_t row = static_cast<std::size_t>(width_) * 3, n_rows = static_cast<std::size_t>(height());
     scratch.resize(values_.size());
-    parallelRanges(values_.size(), kRowsATask * row, [&](std::size_t first, std::size_t last) {
-        std::copy(values_.begin() + first, values_.begin() + last, scratch.begin() + first);
-    });
-    parallelRanges(static_cast<std::size_t>(height()), kRowsATask, [&](std::size_t first, std::size_t last) {
+    parallelRanges(n_rows, kRowsATask, [&](std::size_t first, std::size_t last) {
         for (std::size_t y = first; y < last; ++y) {
-            const float* const here = &scratch[y * row];
+            const float* const here = &values_[y * row];
             const float* const above = y > 0 ? here - row : here;
-            const float* const below = y + 1 < static_cast<std::size_t>(height()) ? here + row : here;
-            float* const values = &values_[y * row];
+            const float* const below = y + 1 < n_rows ? here + row : here;
+            float* const moved = &scratch[y * row];
             const auto move = [&](std::size_t i, float left, float right) {
                 const float mean = 0.25f * (left + right + above[i] + below[i]);
-                values[i] = std::clamp(values[i] + pull * (mean - values[i]), -kMaxValue, kMaxValue);
+                moved[i] = std::clamp(here[i] + pull * (mean - here[i]), -kMaxValue, kMaxValue);
             };
             for (std::size_t i = 0; i < 3; ++i) move(i, here[row - 3 + i], here[i + 3]);
             for (std::size_t i = 3; i + 3 < row; ++i) move(i, here[i - 3], here[i + 3]);
             for (std::size_t i = row - 3; i < row; ++i) move(i, here[i - 3], here[i + 3 - row]);
         }
     });
+    values_.swap(scratch);
 }
 
 std::string Sky::encode() const {

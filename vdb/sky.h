@@ -36,7 +36,7 @@ public:
     /// Adds to dl_dvalues [height][width][3] what a loss says that changes with sight.color by dl_dcolor.
     static void backward(const Sight& sight, const Vec3f& dl_dcolor, std::span<float> dl_dvalues);
     /// Moves each texel the share `pull` of the way to the mean of its neighbours: what no ray sees follows what is
-    /// seen. `scratch` is working memory.
+    /// seen. `scratch` is working memory; what values() gave before is of the old values.
     void smooth(float pull, std::vector<float>& scratch);
 
     /// [height][width][3], before the sigmoid.
