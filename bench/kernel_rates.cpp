@@ -25,6 +25,7 @@ constexpr int kStepsPerRound = 32;
 constexpr int kMostSamples = 128 * kTileRays;  // of a tile
 constexpr int kHidden = kDecoderWidth;  // width of the network's layers
 constexpr float kStep = 0.5f;
+constexpr int kYardstickRounds = 10000;
 constexpr double kExp = 10;  // operations that an exponential counts as
 
 float noise(std::uint64_t stream, std::uint64_t index) {
@@ -108,6 +109,7 @@ public:
     }
 
     static constexpr std::size_t kCopyFloats = std::size_t{16} << 20;
+    static constexpr std::size_t kNearFloats = 2048;  // copied inside the nearest cache
     static constexpr int kContributions = 400;
 
     const int channels;
@@ -217,6 +219,9 @@ private:
     }
 };
 
+constexpr const char* kMultiplyAdd = "multiply-add, an operation";
+constexpr const char* kNearCopy = "copy in the nearest cache, a float";
+
 /// A kernel as it is measured.
 struct Kernel {
     std::string label;                            // with what an item is, unless it is a sample
@@ -292,6 +297,24 @@ std::vector<Kernel> kernelsOf(KernelData& data, const KernelSet& set) {
     return kernels;
 }
 
+/// The last column: how many times longer a kernel takes than its operations in registers, or its bytes in the nearest
+/// cache, would. No floor for the scalar reference, and none for the yardsticks themselves.
+void addFloors(const std::vector<Kernel>& kernels, BenchResult& result) {
+    const auto nsOf = [&](const std::string& series, const std::string& label) {
+        for (const BenchRow& row : result.rows)
+            if (row.label == label && (series.empty() || row.series == series)) return result.median(row, "ns_per_item");
+        return 0.0;
+    };
+    const double ns_per_byte = nsOf("", kNearCopy) / 8;
+    for (std::size_t k = 0; k < kernels.size(); ++k) {
+        BenchRow& row = result.rows[k];
+        const double ns_per_operation = nsOf(row.series, kMultiplyAdd);
+        if (ns_per_operation == 0 || row.label == kMultiplyAdd) continue;
+        const double floor = std::max(kernels[k].operations * ns_per_operation, kernels[k].bytes * ns_per_byte);
+        for (const double ns : row.cells[0]) row.cells[3].push_back(ns / floor);
+    }
+}
+
 }  // namespace
 
 BenchResult benchKernels(const KernelOptions& options, Report& report) {
@@ -302,7 +325,8 @@ BenchResult benchKernels(const KernelOptions& options, Report& report) {
     result.facts.threads = 1;
     result.columns = {{"ns_per_item", "ns", Better::lower, Noise::timed, 0.03, 0},
                       {"gb_per_s", "GB/s", Better::neither, Noise::timed},
-                      {"gflop_per_s", "GFLOP/s", Better::neither, Noise::timed}};
+                      {"gflop_per_s", "GFLOP/s", Better::neither, Noise::timed},
+                      {"times_floor", "", Better::neither, Noise::noisy}};
 
     // Instruction sets in turn, too: `bodies` holds every kernel of every set.
     KernelData data(options);
@@ -310,8 +334,13 @@ BenchResult benchKernels(const KernelOptions& options, Report& report) {
     std::vector<Kernel> kernels;
     std::vector<std::string> series;
     const simd::KeepTarget restore;
-    for (const std::string& target : names)
-        for (Kernel& kernel : kernelsOf(data, kSimd)) {
+    std::vector<float> end(kPadding);
+    for (const std::string& target : names) {
+        std::vector<Kernel> of_target = kernelsOf(data, kSimd);
+        simd::forceTarget(target);
+        of_target.push_back({kMultiplyAdd, simd::multiplyAdds(kYardstickRounds, 0, end.data()), 0, 1,
+                             [&end] { simd::multiplyAdds(kYardstickRounds, 0, end.data()); }});
+        for (Kernel& kernel : of_target) {
             kernel.run = [target, run = kernel.run] {
                 if (simd::activeTarget() != target) simd::forceTarget(target);
                 run();
@@ -319,21 +348,25 @@ BenchResult benchKernels(const KernelOptions& options, Report& report) {
             kernels.push_back(std::move(kernel));
             series.push_back(target);
         }
+    }
     for (Kernel& kernel : kernelsOf(data, kReference)) {
         kernels.push_back(std::move(kernel));
         series.push_back("scalar reference");
     }
-    kernels.push_back({"copy, a float", static_cast<double>(KernelData::kCopyFloats), 8, 0, [&data] {
-                           std::memcpy(data.copy_to.data(), data.copy_from.data(), data.copy_to.bytes());
-                       }});
-    series.push_back("memory");
+    for (const auto& [label, n] : {std::pair{"copy, a float", KernelData::kCopyFloats},
+                                   std::pair{kNearCopy, KernelData::kNearFloats}}) {
+        kernels.push_back({label, static_cast<double>(n), 8, 0, [&data, n = n] {
+                               std::memcpy(data.copy_to.data(), data.copy_from.data(), n * sizeof(float));
+                           }});
+        series.push_back("memory");
+    }
 
     std::vector<std::function<void()>> bodies;
     for (const Kernel& kernel : kernels) bodies.push_back(kernel.run);
     const std::vector<Timing> timings = timeInTurn(
         bodies, {.repeats = options.repeats, .min_sample_s = options.min_sample_s}, "kernels", report);
     for (std::size_t k = 0; k < kernels.size(); ++k) {
-        BenchRow row{series[k], kernels[k].label, std::vector<std::vector<double>>(3)};
+        BenchRow row{series[k], kernels[k].label, std::vector<std::vector<double>>(4)};
         // Processor time: one thread, so it is the wall's on a quiet machine and still right on a shared one.
         for (const double seconds : timings[k].cpu_s) {
             const double per_item = seconds / kernels[k].items;
@@ -343,8 +376,11 @@ BenchResult benchKernels(const KernelOptions& options, Report& report) {
         }
         result.rows.push_back(std::move(row));
     }
-    result.notes.push_back(
-        "bytes and operations are nominal (bench/kernel_rates.h); an item is a sample unless named");
+    addFloors(kernels, result);
+    result.notes.push_back("bytes and operations are nominal (bench/kernel_rates.h); an item is a sample unless named");
+    result.notes.push_back("floor: its operations at the rate of \"" + std::string(kMultiplyAdd) +
+                           "\" on the same instruction set, or its bytes at that of \"" + kNearCopy +
+                           "\", whichever takes longer");
     return result;
 }
 

@@ -18,7 +18,8 @@ struct KernelOptions {
 };
 
 /// A series for each instruction set and one for the scalar reference, a row for each kernel. Columns: ns an
-/// item (a sample, or what the label says), GB/s and GFLOP/s, by processor time.
+/// item (a sample, or what the label says), GB/s and GFLOP/s, by processor time, and times_floor: the time over what
+/// the operations would take in registers alone, or the bytes in the nearest cache, whichever is more.
 ///
 /// Bytes are those that an item reads and writes, each once, were nothing in a cache; operations are the
 /// additions and multiplications of the formula, an exponential counting as ten. Both are nominal: ratios

@@ -63,9 +63,9 @@ std::string stressDocument(const StressResult& result, const BenchResult& curves
     std::string text = std::to_string(result.rows.size()) + " rows, " + std::to_string(cases) + " cases, " +
                        std::to_string(failed) + " beyond their bound; " + factsLine(result.facts) + "\n\n" +
                        stressMarkdown(result.rows);
-    text += "\n### error against work\n\n" + curves.title +
-            ", levels of 8 bits.\n\n| Knob | Value | Samples a ray |"
-            " With features | Largest error | Mean error | Bound |\n|---|---|---|---|---|---|---|\n";
+    text += "\n### error against time\n\n" + curves.title +
+            ", levels of 8 bits.\n\n| Knob | Value | Microseconds a ray | Samples a ray |"
+            " With features | Largest error | Mean error | Bound |\n|---|---|---|---|---|---|---|---|\n";
     const auto cell = [&](const BenchRow& row, const char* column) {
         const double value = curves.median(row, column);
         return std::isnan(value) ? std::string("-") : numberText(value);
@@ -73,7 +73,7 @@ std::string stressDocument(const StressResult& result, const BenchResult& curves
     for (const BenchRow& row : curves.rows) {
         text += "| " + row.series + " | " + row.label;
         for (const char* column :
-             {"density_samples", "feature_samples", "largest_error", "mean_error", "bound"})
+             {"microseconds", "density_samples", "feature_samples", "largest_error", "mean_error", "bound"})
             text += " | " + cell(row, column);
         text += " |\n";
     }

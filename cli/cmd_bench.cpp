@@ -4,6 +4,7 @@
 #include <map>
 
 #include "bench/compare.h"
+#include "bench/error_curves.h"
 #include "bench/kernel_rates.h"
 #include "bench/mesh_rates.h"
 #include "bench/quality.h"
@@ -12,7 +13,6 @@
 #include "bench/scaling.h"
 #include "bench/skip.h"
 #include "bench/stress.h"
-#include "bench/stress_skips.h"
 #include "bench/suite.h"
 #include "cli/commands.h"
 #include "cli/output_path.h"
@@ -277,7 +277,7 @@ Command addBench(CLI::App& program) {
         auto words = std::make_shared<BenchWords>();
         CLI::App* const stress = bench.add_subcommand(
             "stress",
-            "Numbers against exact ones, hard input, error against work, seeds; exit code 1 if a promise breaks");
+            "Numbers against exact ones, hard input, error against time, seeds; exit code 1 if a promise breaks");
         stress->add_option("--out", words->out,
                            "Folder for stability.md, stress.json and the error curves [bench-results]")
             ->type_name("DIR");

@@ -126,8 +126,8 @@ Command addEval(CLI::App& program) {
         ->type_name("DIR");
     app.add_option("--debug-ray", words->debug_ray,
                    "Instead of scoring, print each sample of the ray through one pixel of a model's picture; IMAGE is "
-                   "the view's number or the end of its file's path")
-        ->type_name("IMAGE:X:Y");
+                   "the view's number or the end of its file's path; JITTER, 0.0 to below 1.0, is where samples begin [0.5]")
+        ->type_name("IMAGE:X:Y[:JITTER]");
     words->shared.add(app, "  nerfvdb eval lego.vdb data/lego --split test --json scores.json\n"
                            "  nerfvdb eval fox.vdb data/fox --beside views");
     return {&app, [words] { runEval(*words); }};

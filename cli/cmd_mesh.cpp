@@ -22,7 +22,7 @@ struct MeshWords {
     int resolution = 0;
     std::string method = "marching-cubes";
     double adaptivity = 0;
-    bool stream = false;
+    bool stream = false, open = false;
     ShellWords shells;
     ReworkWords rework;
     SharedOptions shared;
@@ -39,9 +39,9 @@ void checkWords(const MeshWords& words) {
     }
     if (meshFormat(words.out) != MeshFormat::glb && !words.up.empty())
         throw UsageError("--up", "a file that is not .glb", "no --up", "other formats do not say which axis is up");
-    if (words.stream && (asksForWork(words.rework) || !words.compare.empty()))
+    if (words.stream && (asksForWork(words.rework) || !words.compare.empty() || words.open))
         throw UsageError("--stream", "an option that needs the whole mesh",
-                         "no --compare, and nothing on islands, smoothing and simplification",
+                         "no --compare, no --open, and nothing on islands, smoothing and simplification",
                          "a stream keeps every piece");
     prepareOutputFile("--out", words.out);
     if (!words.compare.empty() && std::filesystem::exists(words.out) && std::filesystem::equivalent(words.out, words.compare))
@@ -74,6 +74,7 @@ void runMesh(const MeshWords& words) {
     MeshOptions options;
     options.colours = false;  // asked for once the vertices are where they will be
     options.fill_inside = words.fill_inside;
+    options.open = words.open;
     options.resolution = words.resolution;
     options.method = words.method == "dual" ? SurfaceMethod::dual : SurfaceMethod::marching_cubes;
     options.adaptivity = words.adaptivity;
@@ -191,6 +192,9 @@ Command addMesh(CLI::App& program) {
     app.add_flag("--fill-inside", words->fill_inside,
                  "Make bodies solid: no surfaces behind those that the photographs show, nor of cavities that nothing leads "
                  "into from outside");
+    app.add_flag("--open", words->open,
+                 "Leave out the faces that only close the surface: where --bounds cut it, and where what the photographs show "
+                 "ends, such as under a ground");
     app.add_flag("--no-colours", words->no_colours, "Leave out the vertex colours");
     words->shells.add(app);
     addRework(app, words->rework);

@@ -3,6 +3,7 @@
 
 #include <charconv>
 #include <optional>
+#include <string_view>
 
 #include "cli/text.h"
 #include "core/error.h"
@@ -10,8 +11,9 @@
 namespace nerfvdb {
 namespace {
 
-std::optional<int> wholeNumber(const std::string& text) {
-    int value = 0;
+template <typename Number>
+std::optional<Number> numberOf(std::string_view text) {
+    Number value = 0;
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
     if (error != std::errc() || end != text.data() + text.size() || text.empty()) return std::nullopt;
     return value;
@@ -20,19 +22,31 @@ std::optional<int> wholeNumber(const std::string& text) {
 }  // namespace
 
 DebugPixel parseDebugPixel(const std::string& text, const Dataset& dataset) {
-    // From the back: a path may hold colons.
-    const std::size_t second = text.rfind(':');
-    const std::size_t first = second == std::string::npos || second == 0 ? second : text.rfind(':', second - 1);
     const auto complain = [&](const std::string& expected) {
         throw UsageError("--debug-ray", "'" + text + "'", expected, "such as 12:81:40, or r_12.png:81:40");
     };
-    if (second == std::string::npos || first == std::string::npos || first == second) complain("IMAGE:X:Y");
-    const std::optional<int> x = wholeNumber(text.substr(first + 1, second - first - 1)),
-                             y = wholeNumber(text.substr(second + 1));
-    if (!x || !y) complain("IMAGE:X:Y");
-    const std::string image = text.substr(0, first);
-    DebugPixel pixel{dataset.views.size(), *x, *y};
-    if (const std::optional<int> number = wholeNumber(image)) {
+    // From the back: a path may hold colons. What has a point is a jitter, for pixels are whole.
+    std::string_view image = text;
+    const auto takeLast = [&] {
+        const std::size_t colon = image.rfind(':');
+        if (colon == std::string_view::npos) complain("IMAGE:X:Y or IMAGE:X:Y:JITTER");
+        const std::string_view last = image.substr(colon + 1);
+        image = image.substr(0, colon);
+        return last;
+    };
+    DebugPixel pixel;
+    pixel.view = dataset.views.size();
+    std::string_view last = takeLast();
+    if (last.find('.') != std::string_view::npos) {
+        const std::optional<float> jitter = numberOf<float>(last);
+        if (!jitter || !(*jitter >= 0 && *jitter < 1)) complain("a jitter from 0.0 to below 1.0");
+        pixel.jitter = *jitter;
+        last = takeLast();
+    }
+    const std::optional<int> y = numberOf<int>(last), x = numberOf<int>(takeLast());
+    if (!x || !y) complain("IMAGE:X:Y or IMAGE:X:Y:JITTER");
+    pixel.x = *x, pixel.y = *y;
+    if (const std::optional<int> number = numberOf<int>(image)) {
         if (*number >= 0) pixel.view = static_cast<std::size_t>(*number);
     } else {
         for (std::size_t v = dataset.views.size(); v-- > 0;)
@@ -48,8 +62,7 @@ DebugPixel parseDebugPixel(const std::string& text, const Dataset& dataset) {
 }
 
 ReplayedRay replayPixel(const Model& model, const Dataset& dataset, const DebugPixel& pixel) {
-    return replayRay(model, cameraRay(dataset.views[pixel.view].camera, pixel.x + 0.5, pixel.y + 0.5), {},
-                     0.5f);
+    return replayRay(model, cameraRay(dataset.views[pixel.view].camera, pixel.x + 0.5, pixel.y + 0.5), {}, pixel.jitter);
 }
 
 std::string replayText(const ReplayedRay& ray) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// --debug-ray IMAGE:X:Y: one pixel's ray, sample by sample.
+// --debug-ray IMAGE:X:Y[:JITTER]: one pixel's ray, sample by sample.
 #pragma once
 
 #include <string>
@@ -14,9 +14,10 @@ namespace nerfvdb {
 struct DebugPixel {
     std::size_t view = 0;
     int x = 0, y = 0;
+    float jitter = 0.5f;  // of its samples along the ray, in steps: [0, 1)
 };
 
-/// Throws UsageError for what is not IMAGE:X:Y, or not a pixel of the data set.
+/// Throws UsageError for what is not IMAGE:X:Y or IMAGE:X:Y:0.JITTER, or not a pixel of the data set.
 DebugPixel parseDebugPixel(const std::string& text, const Dataset& dataset);
 
 /// The ray through the pixel's centre, replayed.

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "export/block_mesh.h"
 
+#include <algorithm>
+
 #include "export/surface_crossing.h"
 
 namespace nerfvdb {
@@ -109,6 +111,19 @@ void writeBlockTriangles(const Surface& surface, const BlockList& blocks, const 
                                *triangles++ = Triangle(number(a), number(b), number(c));
                            }
                            centre += cube.has_centre;
+                       });
+}
+
+void markClosingTriangles(const Surface& surface, const Block& block, std::uint8_t* is_closing) {
+    const Topology& topology = surface.field.topology();
+    const std::int32_t leaf = topology.findLeaf(block.leaf);
+    const LeafMask cells = leaf >= 0 ? topology.cells()[static_cast<std::size_t>(leaf)] : LeafMask{};
+    forEachCrossedCell(BlockCorners(surface, block.leaf), surface.iso,
+                       [&](int x, int y, int z, const CubeTriangles& cube) {
+                           const Vec3i cell = block.leaf * kLeafDim + Vec3i(x, y, z);
+                           const bool is_known = testBit(cells, brickOffset(x, y, z)) && surface.bounds.contains(cell) &&
+                                                 surface.bounds.contains(cell + Vec3i::Ones());
+                           is_closing = std::fill_n(is_closing, cube.count, static_cast<std::uint8_t>(!is_known));
                        });
 }
 

@@ -14,4 +14,8 @@ void writeBlockVertices(const Surface& surface, const Block& block, Vec3f* posit
 void writeBlockTriangles(const Surface& surface, const BlockList& blocks, const Block& block,
                          Triangle* triangles);
 
+/// For the same triangles, whether they do nothing but close the surface: those in cells that the field does not have, or
+/// that leave the surface's bounds.
+void markClosingTriangles(const Surface& surface, const Block& block, std::uint8_t* is_closing);
+
 }  // namespace nerfvdb

@@ -15,6 +15,7 @@
 #include "export/block_mesh.h"
 #include "export/dual_mesh.h"
 #include "export/fill_inside.h"
+#include "export/mesh_cleanup.h"
 #include "export/resample_field.h"
 #include "export/surface_blocks.h"
 #include "export/surface_crossing.h"
@@ -52,6 +53,23 @@ Mesh marchCubes(const Surface& surface, Report& report) {
         writeBlockTriangles(surface, blocks, block, mesh.triangles.data() + block.first_triangle);
     });
     return mesh;
+}
+
+/// Takes away the triangles that only close the surface, and the vertices that are left over.
+void openSurface(const Surface& surface, Mesh& mesh, Report& report) {
+    const BlockList blocks(surface);
+    std::vector<std::uint8_t> is_closing(mesh.triangles.size());
+    forEachBlock(blocks, 0, blocks.size(), report, [&](const Block& block) {
+        markClosingTriangles(surface, block, is_closing.data() + block.first_triangle);
+    });
+    std::size_t n = 0;
+    for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
+        if (!is_closing[t]) mesh.triangles[n++] = mesh.triangles[t];
+    mesh.triangles.resize(n);
+    if (mesh.triangles.empty())
+        throw NumericError("mesh: open", "no surface but the border of what is known", "a surface within it",
+                           "choose a higher iso, or let it be closed");
+    removeIslands(mesh, {});  // no piece, but such vertices
 }
 
 double halfLightIso(const VoxelField& field) { return std::log(2.0) / field.frame().voxel_size; }
@@ -143,6 +161,8 @@ void cutModel(const Model& model, const MeshOptions& options, Report& report, Cu
         throw NumericError("mesh", "an empty field", "at least one active voxel", "train the model first");
     if (!(options.adaptivity >= 0 && options.adaptivity <= 1))
         throw UsageError("mesh: adaptivity", text(options.adaptivity), "a number from 0 to 1");
+    if (options.open && options.method != SurfaceMethod::marching_cubes)
+        throw UsageError("mesh: open", "the dual method", "marching cubes, whose vertices tell where they lie");
     const double iso = options.iso ? *options.iso : automaticIso(field);
     const float iso_raw = rawFromSigma(iso, field.densityScale());
     if (options.iso)
@@ -196,6 +216,7 @@ Mesh extractSurface(const Model& model, const MeshOptions& options, Report& repo
     Mesh mesh = options.method == SurfaceMethod::dual ? dualSurface(*cut.surface, options.adaptivity)
                                                       : marchCubes(*cut.surface, report);
     if (mesh.triangles.empty()) throwNothing(options);
+    if (options.open) openSurface(*cut.surface, mesh, report);
     if (options.colours) colourVertices(model.decoder, cut.featured(model), mesh);
     return mesh;
 }
@@ -203,6 +224,7 @@ Mesh extractSurface(const Model& model, const MeshOptions& options, Report& repo
 void streamSurface(const Model& model, const MeshOptions& options, MeshSink& sink, Report& report) {
     if (options.method != SurfaceMethod::marching_cubes)
         throw UsageError("mesh: stream", "the dual method", "marching cubes, which alone is made part by part");
+    if (options.open) throw UsageError("mesh: stream", "an open surface", "a closed one, whose triangles are counted before they are made");
     Cut cut;
     cutModel(model, options, report, cut);
     const Surface& surface = *cut.surface;

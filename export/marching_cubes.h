@@ -22,6 +22,8 @@ struct MeshOptions {
     /// Only what is inside of this box, world units: the surface closes at the voxel planes nearest to its
     /// faces.
     std::optional<Box> bounds = {};
+    /// Leaves out the triangles that do nothing but close the surface: at `bounds`, and where the known region ends.
+    bool open = false;
     /// Voxels along the longest side of the field's box (of the box, not of `bounds`: tiles share one lattice),
     /// at most kMostResolution: the surface is extracted from the field resampled to them (resample_field.h).
     /// 0: its own.
@@ -40,7 +42,7 @@ double largestSigma(const VoxelField& field);
 /// nowhere be so dense: the surface is where it has half of its largest density, if that is less.
 double automaticIso(const VoxelField& field);
 
-/// The iso-surface of the density, closed, with outward normals and diffuse colours.
+/// The iso-surface of the density, closed (unless MeshOptions::open), with outward normals and diffuse colours.
 ///
 /// The surface is where the raw density, before its activation, crosses ln(iso / density_scale): the same
 /// surface as that of sigma, but raw values are what the field interpolates, so that crossings are exact. The
@@ -59,9 +61,9 @@ double automaticIso(const VoxelField& field);
 /// Cost:  time and memory follow the active leaves; beyond the mesh itself, some 300 bytes per leaf.
 /// Threads: the mesh is the same, byte for byte, for any number of threads.
 /// Errors: UsageError (iso not positive or below that of an empty voxel; bounds without a voxel; resolution or
-///        adaptivity out of range), NumericError (no voxel, or only empty ones; iso above the field's maximum;
-///        nothing inside the bounds or left at the resolution; non-finite density; too many vertices),
-///        Interrupted.
+///        adaptivity out of range; open with the dual method), NumericError (no voxel, or only empty ones; iso above
+///        the field's maximum; nothing inside the bounds, left at the resolution, or not at the border, if open;
+///        non-finite density; too many vertices), Interrupted.
 Mesh extractSurface(const Model& model, const MeshOptions& options, Report& report);
 
 /// Takes a mesh part by part: all vertices in order, then all triangles in order.
@@ -74,8 +76,8 @@ public:
 };
 
 /// The mesh of extractSurface, for surfaces larger than memory: beyond the field some 400 bytes a leaf and 30
-/// MB for the part in hand. Throws as extractSurface does, for the dual method UsageError, and what the sink
-/// throws.
+/// MB for the part in hand. Throws as extractSurface does, for the dual method and open surfaces UsageError, and what
+/// the sink throws.
 void streamSurface(const Model& model, const MeshOptions& options, MeshSink& sink, Report& report);
 
 }  // namespace nerfvdb

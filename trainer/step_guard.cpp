@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "trainer/step_guard.h"
 
+#include <cstdio>
+
 namespace nerfvdb {
 
 StepReport StepGuard::step(TrainStepper& stepper, TrainState& state, const RaySource& source,
@@ -19,13 +21,15 @@ StepReport StepGuard::step(TrainStepper& stepper, TrainState& state, const RaySo
 }
 
 std::string StepGuard::complaint(const StepReport& report, std::int64_t step, const Dataset& dataset) {
-    const std::string view = std::to_string(report.bad_view), x = std::to_string(report.bad_x),
-                      y = std::to_string(report.bad_y);
+    const StepReport::BadRay& bad = report.bad;
+    const std::string view = std::to_string(bad.view), x = std::to_string(bad.x), y = std::to_string(bad.y);
+    char jitter[32];
+    std::snprintf(jitter, sizeof jitter, "%.9f", static_cast<double>(bad.jitter));  // drawn in steps of 2^-24
     return "training: NaN, infinity or a gradient too large " + std::to_string(kAttempts) +
            " times in a row at step " + std::to_string(step) + ", image " +
-           dataset.views[static_cast<std::size_t>(report.bad_view)].path.string() + ", pixel (" + x + ", " + y +
+           dataset.views[static_cast<std::size_t>(bad.view)].path.string() + ", pixel (" + x + ", " + y +
            "); look at that ray with nerfvdb eval MODEL.vdb DATA --split train --debug-ray " + view + ":" + x +
-           ":" + y;
+           ":" + y + ":" + jitter;
 }
 
 }  // namespace nerfvdb

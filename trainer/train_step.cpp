@@ -25,9 +25,7 @@ StepReport TrainStepper::step(TrainState& state, const RaySource& source, std::u
     if (!report.is_finite) return report;
     const std::span<const float> dl_dnetwork = networkGradient();
     if (!std::all_of(dl_dnetwork.begin(), dl_dnetwork.end(), isUsable)) {
-        const TrainingRay first = source.draw(step, 0);
-        report.is_finite = false;
-        report.bad_view = first.view, report.bad_x = first.x, report.bad_y = first.y;
+        report.blame(source.draw(step, 0));
         return report;
     }
 
@@ -87,7 +85,7 @@ StepReport TrainStepper::differentiate(const TrainState& state, const RaySource&
         report.trace += tile.trace;
         if (!tile.is_finite && report.is_finite) {
             report.is_finite = false;
-            report.bad_view = tile.bad_view, report.bad_x = tile.bad_x, report.bad_y = tile.bad_y;
+            report.bad = tile.bad;
         }
     }
     return report;
@@ -198,10 +196,7 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
         }
         worker.dl_dtransmittance[r] = dl_dtransmittance;
         tile.report.squared_error += error;
-        if (!std::isfinite(error) && tile.report.is_finite) {
-            tile.report.is_finite = false;
-            tile.report.bad_view = drawn.view, tile.report.bad_x = drawn.x, tile.report.bad_y = drawn.y;
-        }
+        if (!std::isfinite(error) && tile.report.is_finite) tile.report.blame(drawn);
     }
 
     tile.dl_dnetwork.assign(state.decoder.parameters().size(), 0.0f);
@@ -211,11 +206,7 @@ void TrainStepper::runTile(const TrainState& state, const RaySource& source, std
     tracer.traceBackward(scene, gradients.dl_dray_features.data(), worker.dl_dtransmittance.data(),
                          state.distortion, gradients.kept);
     for (int i = 0; i < gradients.kept.n && tile.report.is_finite; ++i)
-        if (!isUsable(gradients.kept.dl_draw[i])) {
-            const TrainingRay& drawn = worker.rays[gradients.kept.ray[i]];
-            tile.report.is_finite = false;
-            tile.report.bad_view = drawn.view, tile.report.bad_x = drawn.x, tile.report.bad_y = drawn.y;
-        }
+        if (!isUsable(gradients.kept.dl_draw[i])) tile.report.blame(worker.rays[gradients.kept.ray[i]]);
     tile.report.distortion = tracer.distortion();
     gradients.bin(state.field.topology(), state.field.channels());
     tile.report.trace = tracer.counters();

@@ -86,7 +86,15 @@ struct StepReport {
     TraceCounters trace;
     bool is_finite = true;
     // A ray whose colour or gradient was not finite; if only the network's sum was not, the batch's first.
-    int bad_view = -1, bad_x = 0, bad_y = 0;
+    struct BadRay {
+        int view = -1, x = 0, y = 0;
+        float jitter = 0;
+    } bad;
+
+    void blame(const TrainingRay& ray) {
+        is_finite = false;
+        bad = {ray.view, ray.x, ray.y, ray.jitter};
+    }
 };
 
 /// Runs steps; owns the working memory. Results do not depend on the number of threads.

@@ -68,3 +68,8 @@ void layerBackwardWeights(int n, int stride, int n_in, int n_out, const float* d
 ///   m = beta1 m + (1 - beta1) g,  v = beta2 v + (1 - beta2) g^2
 ///   parameter -= rate scale1 m / (sqrt(scale2 v) + epsilon)
 void adamStep(int n, const AdamRates& rates, const float* gradients, float* first, float* second, float* parameters);
+
+/// A yardstick, for benchmarks: x = x / 2 + 1 / 2 again and again, `rounds` times in each of twelve registers, as fast as
+/// this instruction set multiplies and adds. Returns the operations done, two for each lane of each register and round;
+/// end [kPadding], zero from the lanes on, takes a sum over the registers that began at `start`: 12 after many rounds.
+double multiplyAdds(int rounds, float start, float* end);

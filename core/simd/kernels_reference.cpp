@@ -230,4 +230,15 @@ void adamStep(int n, const AdamRates& rates, const float* gradients, float* firs
     }
 }
 
+double multiplyAdds(int rounds, float start, float* end) {
+    constexpr int kRegisters = 12;
+    float x[kRegisters];
+    for (float& value : x) value = start;
+    for (int round = 0; round < rounds; ++round)
+        for (float& value : x) value = 0.5f * value + 0.5f;
+    for (int i = 0; i < kPadding; ++i) end[i] = 0;
+    for (const float value : x) end[0] += value;
+    return 2.0 * rounds * kRegisters;
+}
+
 }  // namespace nerfvdb::reference

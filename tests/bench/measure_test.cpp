@@ -176,6 +176,8 @@ TEST_CASE(
     for (const std::string& target : simd::supportedTargets()) CHECK(series.count(target) == 1);
     CHECK(series.count("scalar reference") == 1);
     CHECK(rowOf(result, "scalar reference", "densityForward").cells[0].size() == 1);
+    CHECK(result.median(rowOf(result, best, "layerForward, a ray"), "times_floor") > 0.9);
+    CHECK(std::isnan(result.median(rowOf(result, "scalar reference", "densityForward"), "times_floor")));
     CHECK(simd::activeTarget() == best);
 }
 

@@ -29,12 +29,23 @@ TEST_CASE("a pixel is named by the number or the end of the path of its view") {
     CHECK(by_number.y == 19);
     CHECK(parseDebugPixel("r_1.png:0:0", dataset).view == 1);
     CHECK(parseDebugPixel("C:/r_11.png:3:4", dataset).view == 2);
+    CHECK(by_number.jitter == 0.5f);
+}
+
+TEST_CASE("a step's own jitter can be replayed") {
+    const Dataset dataset = threeViews();
+    const DebugPixel pixel = parseDebugPixel("C:/r_11.png:3:4:0.062500000", dataset);
+    CHECK(pixel.view == 2);
+    CHECK(pixel.x == 3);
+    CHECK(pixel.y == 4);
+    CHECK(pixel.jitter == 0.0625f);
 }
 
 TEST_CASE("what is no pixel of the data set is refused with the words that were given") {
     const Dataset dataset = threeViews();
     for (const char* text : {"", ":", "::", "1:2", "3:0:0", "-1:0:0", "0:30:0", "0:0:20", "0:-1:0", "0:1.5:0",
-                             "0:x:0", "r_2.png:0:0", ":0:0", "0:0:"}) {
+                             "0:x:0", "r_2.png:0:0", ":0:0", "0:0:", "0:0:0:1.0", "0:0:0:-0.5", "0:0:0:0.5x", "0:0:.5",
+                             "0:0:0:."}) {
         CAPTURE(text);
         CHECK_THROWS_WITH(parseDebugPixel(text, dataset),
                           Catch::Matchers::Contains("--debug-ray: found '" + std::string(text) + "'"));

@@ -93,5 +93,5 @@ cmp model.vdb whole.vdb || fail "the resumed run ended with another model than t
 cmp model.ckpt whole.ckpt || fail "the resumed run ended with another checkpoint"
 if half_written; then fail "temporaries of killed runs were not cleared"; fi
 ((resumed > 0)) || fail "no run was resumed: nothing was tested"
-printf '%s\n' "$n kills, $while_writing of them with a file half written; $resumed runs resumed, $((finished + 1)) ended," \
-    "all with the same model; NERFVDB_KILL_SEED=$seed"
+printf '%s\n' "survived: $n of $kills kills, $while_writing of them with a file half written; $resumed runs resumed, \
+$((finished + 1)) ended, all with the same model; NERFVDB_KILL_SEED=$seed"

@@ -76,4 +76,4 @@ squeeze eval scores.json eval scene.vdb data --json scores.json
 squeeze export volume.vdb export scene.vdb --out volume.vdb --fit 0
 squeeze mesh mesh.ply mesh scene.vdb --out mesh.ply
 squeeze render views.json render scene.vdb --orbit 1 --width 200 --height 200 --out views --json views.json
-printf '%s\n' "$tried runs, $refused of them refused with a sentence, none ended by a signal"
+printf '%s\n' "survived: $tried of $tried runs in too little memory, $refused of them refused with a sentence"

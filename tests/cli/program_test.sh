@@ -42,6 +42,9 @@ number() { sed -nE "s/.*\"$2\": ([0-9.eE+-]+).*/\1/p" "$1"; }
 
 readonly commands=(train eval render export mesh info synth bench prepare selftest)
 
+# survived N WORDS: so many faults cost nothing. `./run stability` collects these lines.
+survived() { printf '%s\n' "survived: $1 of $1 $2"; }
+
 # A data set that trains in moments.
 tiny_scene() { expect 0 synth sphere --out data --views 12 --val-views 0 --test-views 3 --width 48 --height 48 "$@"; }
 tiny_model() { expect 0 train data --out model.vdb --steps 60 "$@"; }
@@ -283,6 +286,9 @@ test_story() {
     has_keys out samples transmittance decoded color
     expect 0 eval model.vdb data --debug-ray 0:12:12
     says out "light left"
+    cp out half
+    expect 0 eval model.vdb data --debug-ray 0:12:12:0.25
+    ! cmp -s out half || fail "another jitter, the same samples"
     expect 2 eval model.vdb data --debug-ray 0:9999:0
     says err "--debug-ray"
     expect 0 render model.vdb --orbit 2 --width 32 --height 24 --out orbit --depth --opacity --normals
@@ -587,7 +593,7 @@ sentence_or_success() {
 
 # .vdb files that no checksum guards, damaged.
 test_foreign_volumes() {
-    local size i
+    local size i tried=0
     tiny_scene --no-truth
     tiny_model
     expect 0 export model.vdb --out ours.vdb --max-resolution 16 --fit 0 --volume-only
@@ -599,18 +605,22 @@ test_foreign_volumes() {
     for ((i = 0; i < 64; ++i)); do
         head -c $((size * i / 64)) theirs.vdb >short.vdb
         sentence_or_success info short.vdb
+        tried=$((tried + 1))
         if ((i < 63)); then [[ -s err ]] || fail "a file cut at $i / 64 was read"; fi
         ((i % 4 == 0)) || continue
         # Header and trees stand at the front: every other bit is one of theirs.
         flip theirs.vdb $((i % 8 ? 57 + 7 * i : size * i / 64)) $((i / 4 % 8)) flipped.vdb
         sentence_or_success info flipped.vdb
+        tried=$((tried + 1))
     done
     for ((i = 2; i < 8; i += 2)); do
         head -c $((size * i / 8)) theirs.vdb >short.vdb
         expect 1 render short.vdb --out pictures --orbit 1 --width 8 --height 8
         flip theirs.vdb $((size * i / 8)) $i flipped.vdb
         sentence_or_success render flipped.vdb --out pictures --orbit 1 --width 8 --height 8
+        tried=$((tried + 2))
     done
+    survived $tried "damaged volumes without a checksum: success or a sentence"
 }
 
 test_blocks() {
@@ -764,6 +774,7 @@ test_interrupt() {
         [[ -s model.ckpt ]] || fail "no checkpoint after SIG$signal"
         expect 0 eval model.vdb data
     done
+    survived 2 "signals (SIGINT, SIGTERM): saved, exit code 130"
 }
 
 test_resume() {
@@ -895,6 +906,7 @@ test_full_disk() {
         cmp $file earlier/$file || fail "a failed run changed $file"
     done
     [[ -z "$(find . -name '*.part*')" ]] || fail "left behind: $(ls)"
+    survived 2 "full disks while training"
 }
 
 # Commands that write, as lines "OUTPUT WORDS...": what stands at OUTPUT must survive what goes wrong.
@@ -912,7 +924,7 @@ scores.json eval model.vdb data --json scores.json
 made/transforms_train.json synth sphere --out made --views 2 --val-views 0 --test-views 0 --width 48 --height 48 --no-truth"
 
 test_full_disk_others() {
-    local output words
+    local output words tried=0
     tiny_scene --no-truth
     tiny_model
     while read -r output words; do
@@ -925,6 +937,7 @@ test_full_disk_others() {
         on_small_disk 0 silently 1 $words
         cmp "$output" earlier || fail "a full disk cost $output"
         [[ -z "$(find . -name '*.part*')" ]] || fail "left behind by $words: $(find . -name '*.part*')"
+        tried=$((tried + 1))
         # A little, but not enough.
         if (($(bytes "$output") > 2048)); then
             # shellcheck disable=SC2086
@@ -932,12 +945,14 @@ test_full_disk_others() {
             says err "$output"
             cmp "$output" earlier || fail "a disk that was nearly full cost $output"
             [[ -z "$(find . -name '*.part*')" ]] || fail "left behind by $words: $(find . -name '*.part*')"
+            tried=$((tried + 1))
         fi
     done <<<"$writers"
+    survived $tried "full disks while other files were written"
 }
 
 test_bad_places() {
-    local output words name place
+    local output words name place tried=0
     tiny_scene --no-truth
     tiny_model
     while read -r output words; do
@@ -954,6 +969,7 @@ test_bad_places() {
         says err "/proc"
         if [[ $name == "$output" ]]; then rmdir "$name"; else [[ "$(cat "$name")" == "a file" ]] || fail "$name was a file"; fi
         rm -rf "$name"
+        tried=$((tried + 2))
     done <<<"$writers"
     # What lies beside a volume is looked at before the volume is made.
     for name in volume.cameras.json volume.blender.py volume.surface.vdb; do
@@ -962,6 +978,7 @@ test_bad_places() {
         says err "$name"
         [[ ! -e volume.vdb ]] || fail "a volume was written although $name could not be"
         rmdir $name
+        tried=$((tried + 1))
     done
     with_fake_colmap
     (cd data/train && ls) >fake/registered.0
@@ -975,6 +992,7 @@ test_bad_places() {
     [[ ! -e prepared/sparse/0/images.bin ]] || fail "prepare made a data set on a full disk"
     expect 0 prepare data/train --out prepared
     [[ -s prepared/sparse/0/images.bin ]] || fail "prepare could not go on"
+    survived $((tried + 3)) "places that cannot be written"
 }
 
 test_max_memory() {
@@ -1002,6 +1020,7 @@ test_max_memory() {
         (($(number tight.json active_voxels) >= last)) || fail "fewer voxels in more memory"
         last=$(number tight.json active_voxels)
     done
+    survived 5 "limits on memory: kept within a tenth (3), or refused (2)"
 }
 
 "test_$case_name"

@@ -373,3 +373,15 @@ TEST_CASE("Adam: fast = reference, for any number of parameters and nothing beyo
         });
     }
 }
+
+TEST_CASE("the yardstick multiplies and adds in every lane, and says how often") {
+    std::vector<float> end(kPadding);
+    CHECK(reference::multiplyAdds(3, 3.0f, end.data()) == 72);
+    CHECK(end[0] == 12 * 1.25f);
+    forEachTarget([&] {
+        std::vector<float> fast(kPadding, -1.0f);
+        const double lanes = simd::multiplyAdds(3, 3.0f, fast.data()) / 72;
+        CHECK((lanes == 1 || lanes == 4 || lanes == 8 || lanes == 16));
+        for (int i = 0; i < kPadding; ++i) CHECK(fast[static_cast<std::size_t>(i)] == (i < lanes ? end[0] : 0.0f));
+    });
+}

@@ -55,6 +55,49 @@ TEST_CASE("surfaces close at the border of the box and at that of the known regi
     CHECK(n_face_on == 6 * 14 * 14);  // all but those at edges of the box look straight out
 }
 
+TEST_CASE("an open surface lacks what only closes it, and nothing else", "[export]") {
+    // A ground that goes on to all sides: the surface of its known part is its top, the rest closes.
+    const auto height = [](const Vec3i& v) { return 8.3 + 0.02 * v.x(); };
+    Model ground = modelOf(makeTopology(Vec3i(32, 32, 24), Vec3i(0, 0, 0), Vec3i(30, 30, 20), [](const Vec3i&) { return true; }));
+    setDensity(ground.field, [&](const Vec3i& v) { return static_cast<float>(2 * (height(v) - v.z())); });
+    MeshOptions options;
+    options.iso = ground.field.densityScale();  // raw 0
+    options.colours = false;
+    Report silent;
+    const Mesh closed = extractSurface(ground, options, silent);
+    options.open = true;
+    const Mesh open = extractSurface(ground, options, silent);
+    CHECK(measureMesh(closed).closed());
+    const MeshMeasures measures = measureMesh(open);
+    CHECK(measures.pieces == 1);
+    CHECK(measures.bad_edges == 0);
+    CHECK(measures.open_edges == 4 * 30);
+    CHECK(measures.euler == 1);  // a sheet
+    CHECK(open.positions.size() == open.normals.size());
+    for (const Vec3f& p : open.positions) CHECK(std::abs(p.z() - 8.3f - 0.02f * p.x()) < 1e-3f);
+    CHECK(measures.area == Approx(30 * 30 * std::sqrt(1 + 0.02 * 0.02)).epsilon(1e-4));
+
+    // A ball inside the known region has nothing to open; bounds that cut it do.
+    Model ball = sphereModel(32, Vec3d(15, 15, 15), 9.3, 1, 0);
+    options = {};
+    options.iso = ball.field.densityScale();
+    options.colours = false;
+    const Mesh whole = extractSurface(ball, options, silent);
+    options.open = true;
+    CHECK(extractSurface(ball, options, silent).triangles.size() == whole.triangles.size());
+    options.bounds = Box{Vec3d(0, 0, 0), Vec3d(31, 31, 15)};
+    const Mesh half = extractSurface(ball, options, silent);
+    CHECK(measureMesh(half).euler == 1);
+    CHECK(measureMesh(half).area == Approx(2 * M_PI * 9.3 * 9.3).epsilon(0.02));
+
+    // Nothing but the border of what is known.
+    setDensity(ground.field, [](const Vec3i&) { return 5.0f; });
+    options.bounds.reset();
+    CHECK_THROWS_AS(extractSurface(ground, options, silent), NumericError);
+    options.method = SurfaceMethod::dual;
+    CHECK_THROWS_AS(extractSurface(ball, options, silent), UsageError);
+}
+
 TEST_CASE("the mesh is the same for any number of threads", "[export]") {
     const Model model = sphereModel(64, Vec3d(31, 32, 30), 25, 1, 0);
     const auto with = [&](int threads) {

@@ -51,5 +51,5 @@ int main(int argc, char** argv) {
         LLVMFuzzerTestOneInput(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size());
         alarm(0);
     }
-    std::cout << inputs.size() << " inputs" << std::endl;
+    std::cout << "survived: " << inputs.size() << " of " << inputs.size() << " inputs" << std::endl;
 }

@@ -59,9 +59,9 @@ TEST_CASE("a step that meets NaN everywhere is tried three times, moves nothing,
     CHECK(sameBytes(density, state.field.density()));
     CHECK(sameBytes(network, state.decoder.parameters()));
     const std::string sentence = StepGuard::complaint(report, 7, sphere());
-    CHECK(sentence.find("at step 7, image view " + std::to_string(report.bad_view)) != std::string::npos);
-    CHECK(sentence.find("--debug-ray " + std::to_string(report.bad_view) + ":" + std::to_string(report.bad_x) +
-                        ":" + std::to_string(report.bad_y)) != std::string::npos);
+    CHECK(sentence.find("at step 7, image view " + std::to_string(report.bad.view)) != std::string::npos);
+    CHECK(sentence.find("--debug-ray " + std::to_string(report.bad.view) + ":" + std::to_string(report.bad.x) + ":" +
+                        std::to_string(report.bad.y) + ":0.") != std::string::npos);
 }
 
 TEST_CASE("a step that meets one voxel of NaN is done with other rays, at a lower rate") {
@@ -97,7 +97,7 @@ TEST_CASE("gradients too large to square move nothing") {
     StepGuard guard;
     const StepReport report = guard.step(stepper, state, source, 0, 64, {}, {});
     CHECK_FALSE(report.is_finite);
-    CHECK(report.bad_view >= 0);
+    CHECK(report.bad.view >= 0);
     CHECK(sameBytes(density, state.field.density()));
 }
 

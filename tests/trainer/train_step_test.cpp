@@ -311,9 +311,9 @@ TEST_CASE("a step that meets NaN moves nothing and names the pixel") {
     TrainStepper stepper;
     const StepReport report = stepper.step(state, source, 0, 300, {}, {});
     CHECK_FALSE(report.is_finite);
-    CHECK(report.bad_view >= 0);
-    CHECK(report.bad_view < 12);
-    CHECK((report.bad_x >= 0 && report.bad_x < 48 && report.bad_y >= 0 && report.bad_y < 48));
+    CHECK(report.bad.view >= 0);
+    CHECK(report.bad.view < 12);
+    CHECK((report.bad.x >= 0 && report.bad.x < 48 && report.bad.y >= 0 && report.bad.y < 48));
     CHECK(sameBytes(before, state.field.density()));
     CHECK(sameBytes(network, state.decoder.parameters()));
 }
