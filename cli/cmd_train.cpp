@@ -106,8 +106,8 @@ Command addTrain(CLI::App& program) {
         ->required()
         ->type_name("MODEL.vdb");
     app.add_option("--preset", words->preset,
-                   "How many steps, and how much the scene can hold: fast (11000 steps, a minute of an object on two cores; "
-                   "voxels of 1/256 of the box), default (25000, five minutes; 1/512, a network twice as wide) or best (75000, "
+                   "How many steps, and how much the scene can hold: fast (10000 steps, a minute of an object on two cores; "
+                   "voxels of 1/256 of the box), default (20000, five minutes; 1/512, a network twice as wide) or best (57000, "
                    "thirty; 1/512, four times as wide, twice the features). Places take longer: --time says how long "
                    "[default, with the network of fast for --time 90s and less]")
         ->check(CLI::IsMember({"fast", "default", "best"}))

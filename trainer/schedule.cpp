@@ -33,9 +33,10 @@ std::vector<Stage> defaultStages(int n_levels, double rays, double space) {
         const double end = is_finest ? 1.0 : begin + shareOf(level);
         const int n_parts = is_finest ? 2 : 1;
         for (int part = 0; part < n_parts; ++part)
-            stages.push_back({level, kBatch[std::min(level, kMaxLevels - 1)], (end - begin) / n_parts, 0});
+            stages.push_back({level, kBatch[std::min(level, kMaxLevels - 1)], (end - begin) / n_parts, 0, 0});
         begin = end;
     }
+    if (n_levels > 1) stages.front().enough = std::llround(space * kCarvingRays[0] / kBatch[0]);
     return stages;
 }
 
@@ -46,13 +47,22 @@ double relativeRayCost(int level) {
 }
 
 void planSteps(std::vector<Stage>& stages, std::int64_t total) {
-    double sum = 0;
     const auto weight = [](const Stage& stage) { return stage.share / (stage.batch * relativeRayCost(stage.level)); };
+    double sum = 0, left = static_cast<double>(total);
     for (const Stage& stage : stages) sum += weight(stage);
+    const auto hasEnough = [](const Stage& stage) { return stage.enough > 0 && stage.steps >= stage.enough; };
+    for (Stage& stage : stages) {
+        stage.steps = std::llround(left * weight(stage) / sum);
+        if (!hasEnough(stage)) continue;
+        stage.steps = stage.enough;
+        left -= static_cast<double>(stage.enough);
+        sum -= weight(stage);
+    }
     double exact = 0;
     std::int64_t given = 0;
     for (Stage& stage : stages) {
-        exact += static_cast<double>(total) * weight(stage) / sum;
+        if (hasEnough(stage)) continue;
+        exact += left * weight(stage) / sum;
         stage.steps = std::llround(exact) - given;
         given += stage.steps;
     }
@@ -116,7 +126,8 @@ void planTime(std::vector<Stage>& stages, std::size_t first, std::int64_t done, 
         const std::int64_t over = s == first ? done : 0;
         const double stage_step_seconds = step_seconds * cost(stages[s]) / cost(stages[first]);
         const double steps = left * stages[s].share / shares / stage_step_seconds;
-        stages[s].steps = std::max({std::int64_t{1}, over, static_cast<std::int64_t>(std::llround(steps))});
+        const std::int64_t most = stages[s].enough > 0 ? stages[s].enough : std::numeric_limits<std::int64_t>::max();
+        stages[s].steps = std::max({std::int64_t{1}, over, std::min<std::int64_t>(most, std::llround(steps))});
         left = std::max(0.0, left - static_cast<double>(stages[s].steps) * stage_step_seconds);
         shares -= stages[s].share;
     }

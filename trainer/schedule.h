@@ -15,6 +15,7 @@ struct Stage {
     int batch = 0;            // rays a step
     double share = 0;         // of the training time, wished for: what steps are planned by
     std::int64_t steps = 0;   // 0 until planned
+    std::int64_t enough = 0;  // no plan has more steps than these; 0: no such limit
 };
 
 inline constexpr int kCoarsestResolution = 64;  // voxels along the longest side at level 0
@@ -23,7 +24,8 @@ inline constexpr int kMostLevels = 10;          // ... and what can be asked for
 
 /// Stages for 1 to kMostLevels levels, coarse to fine, for a training of about `rays` rays; the finest level has two
 /// (so that its second half can be planned from the cost of its first). Space of `space` times the cells of one full box
-/// takes so many times the rays to be carved.
+/// takes so many times the rays to be carved, and the coarsest voxels are given no more than that, however long the training:
+/// what they are too large for is carved away too (docs/quality.md, "Enough of the coarsest voxels").
 std::vector<Stage> defaultStages(int n_levels, double rays, double space = 1);
 
 /// How many levels to use: no more than `max_levels`, and fewer when so few rays will be drawn (per training run)
@@ -36,7 +38,7 @@ std::vector<Stage> stagesForSteps(std::int64_t total, int max_levels, double spa
 std::vector<Stage> stagesOfLevels(std::int64_t total, int levels, double space = 1);
 
 /// Fills in steps so that they sum to `total`, in proportion share / (cost of a step), with the relative cost per
-/// ray of a typical scene.
+/// ray of a typical scene; what stages would have beyond enough goes to the others.
 void planSteps(std::vector<Stage>& stages, std::int64_t total);
 
 /// Fills in the steps of stages `first` and later so that those that are left take `seconds`, in proportion to their

@@ -19,9 +19,9 @@ constexpr double kVoxelPerPixel = 0.6;  // voxels smaller than this share of a p
 
 PresetPlan planOf(Preset preset) {
     switch (preset) {
-        case Preset::fast: return {11000, 3, 8, kDecoderWidth / 2};
-        case Preset::standard: return {25000, 4, 8, kDecoderWidth};
-        case Preset::best: return {75000, 4, 16, 2 * kDecoderWidth};
+        case Preset::fast: return {10000, 3, 8, kDecoderWidth / 2};
+        case Preset::standard: return {20000, 4, 8, kDecoderWidth};
+        case Preset::best: return {57000, 4, 16, 2 * kDecoderWidth};
     }
     throw UsageError("training: an unknown preset");
 }

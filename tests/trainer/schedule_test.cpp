@@ -45,12 +45,18 @@ TEST_CASE("planned steps sum to the total, in proportion to share over cost") {
             std::vector<Stage> stages = defaultStages(levels, 1e7);
             planSteps(stages, total);
             CHECK(totalSteps(stages) == total);
-            double weights = 0;
-            for (const Stage& stage : stages) weights += stage.share / stepCost(stage);
+            double weights = 0, left = static_cast<double>(total);
+            const auto hasEnough = [](const Stage& stage) { return stage.enough > 0 && stage.steps >= stage.enough; };
+            for (const Stage& stage : stages) {
+                if (hasEnough(stage)) left -= static_cast<double>(stage.steps);
+                else weights += stage.share / stepCost(stage);
+            }
             for (const Stage& stage : stages) {
                 CHECK(stage.steps >= 0);
+                if (stage.enough > 0) CHECK(stage.steps <= stage.enough);
                 // Rounded at both ends.
-                CHECK(std::abs(stage.steps - total * stage.share / stepCost(stage) / weights) <= 1.0);
+                if (!hasEnough(stage))
+                    CHECK(std::abs(stage.steps - left * stage.share / stepCost(stage) / weights) <= 1.0);
             }
         }
 }
@@ -69,6 +75,27 @@ TEST_CASE("short trainings carve longer: enough rays at coarse voxels, but never
     const std::vector<Stage> a_long_one = stagesForSteps(100000, kMaxLevels);
     CHECK(a_long_one[0].share == Approx(0.02).epsilon(0.01));
     CHECK(a_long_one[1].share == Approx(0.04).epsilon(0.01));
+}
+
+TEST_CASE("however long the training, the coarsest voxels get what carves them and no more; space that is larger gets more") {
+    const std::int64_t enough = defaultStages(kMaxLevels, 1e8).front().enough;
+    CHECK(enough > 100);
+    for (const std::int64_t total : {100000, 1000000}) {
+        const std::vector<Stage> stages = stagesForSteps(total, kMaxLevels);
+        CHECK(stages.front().steps == enough);
+        CHECK(totalSteps(stages) == total);
+    }
+    CHECK(stagesForSteps(1000000, kMaxLevels, 3).front().steps == Approx(3 * enough).margin(2));
+    CHECK(defaultStages(1, 1e8).front().enough == 0);  // no finer ones
+
+    // Also by time: what it does not need goes to the others.
+    std::vector<Stage> stages = defaultStages(kMaxLevels, 1e8);
+    const double step_seconds = 0.003, seconds = 10000;
+    planTime(stages, 0, 40, step_seconds, seconds);
+    CHECK(stages.front().steps == enough);
+    double planned = -40 * step_seconds;
+    for (const Stage& stage : stages) planned += static_cast<double>(stage.steps) * step_seconds * stepCost(stage) / stepCost(stages[0]);
+    CHECK(planned == Approx(seconds).epsilon(1e-3));
 }
 
 TEST_CASE("the steps of a plan, given by hand, are the same plan") {
