@@ -17,7 +17,7 @@ struct DebugPixel {
     float jitter = 0.5f;  // of its samples along the ray, in steps: [0, 1)
 };
 
-/// Throws UsageError for what is not IMAGE:X:Y or IMAGE:X:Y:0.JITTER, or not a pixel of the data set.
+/// Throws UsageError for what is not IMAGE:X:Y or IMAGE:X:Y:JITTER, or not a pixel of the data set.
 DebugPixel parseDebugPixel(const std::string& text, const Dataset& dataset);
 
 /// The ray through the pixel's centre, replayed.

@@ -10,14 +10,19 @@
 
 namespace nerfvdb {
 
+namespace {
+
+constexpr int kBatch[kMaxLevels] = {512, 1024, 4096, 8192};
+// However short the training, fog is carved away while rays are cheap, or it is learned, voxel by fine voxel.
+constexpr double kCarvingRays[2] = {0.4e6, 1.5e6};
+
+}  // namespace
+
 std::vector<Stage> defaultStages(int n_levels, double rays, double space) {
     // Many small batches while space is being carved, large ones once there is detail to learn: at 64 voxels a
     // large batch prunes nothing.
-    constexpr int kBatch[kMaxLevels] = {512, 1024, 4096, 8192};
     constexpr double kCoarse[2] = {0.02, 0.04};  // of the time, when there are all levels, ...
     constexpr double kMiddle = 0.29;             // ... for all between these and the finest
-    // However short the training, fog is carved away while rays are cheap, or it is learned, voxel by fine voxel.
-    constexpr double kCarvingRays[2] = {0.4e6, 1.5e6};
     constexpr double kMostCarving[2] = {0.1, 0.3};  // of the time
     if (n_levels < 1 || n_levels > kMostLevels)
         throw UsageError("schedule: levels must be 1 to " + std::to_string(kMostLevels));
@@ -33,11 +38,15 @@ std::vector<Stage> defaultStages(int n_levels, double rays, double space) {
         const double end = is_finest ? 1.0 : begin + shareOf(level);
         const int n_parts = is_finest ? 2 : 1;
         for (int part = 0; part < n_parts; ++part)
-            stages.push_back({level, kBatch[std::min(level, kMaxLevels - 1)], (end - begin) / n_parts, 0, 0});
+            stages.push_back({level, kBatch[std::min(level, kMaxLevels - 1)], (end - begin) / n_parts, 0});
         begin = end;
     }
-    if (n_levels > 1) stages.front().enough = std::llround(space * kCarvingRays[0] / kBatch[0]);
     return stages;
+}
+
+std::int64_t mostSteps(const Stage& stage, double space) {
+    if (stage.level > 0) return std::numeric_limits<std::int64_t>::max();
+    return std::llround(space * kCarvingRays[0] / stage.batch);
 }
 
 double relativeRayCost(int level) {
@@ -46,22 +55,20 @@ double relativeRayCost(int level) {
     return kCost[std::clamp(level, 0, kMaxLevels - 1)] * std::pow(kGrowth, std::max(0, level - (kMaxLevels - 1)));
 }
 
-void planSteps(std::vector<Stage>& stages, std::int64_t total) {
+void planSteps(std::vector<Stage>& stages, std::int64_t total, double space) {
     const auto weight = [](const Stage& stage) { return stage.share / (stage.batch * relativeRayCost(stage.level)); };
     double sum = 0, left = static_cast<double>(total);
     for (const Stage& stage : stages) sum += weight(stage);
-    const auto hasEnough = [](const Stage& stage) { return stage.enough > 0 && stage.steps >= stage.enough; };
-    for (Stage& stage : stages) {
-        stage.steps = std::llround(left * weight(stage) / sum);
-        if (!hasEnough(stage)) continue;
-        stage.steps = stage.enough;
-        left -= static_cast<double>(stage.enough);
-        sum -= weight(stage);
-    }
     double exact = 0;
     std::int64_t given = 0;
     for (Stage& stage : stages) {
-        if (hasEnough(stage)) continue;
+        // The coarsest come first: all others share what they leave.
+        if (stages.back().level > 0 && std::llround(left * weight(stage) / sum) > mostSteps(stage, space)) {
+            stage.steps = mostSteps(stage, space);
+            left -= static_cast<double>(stage.steps);
+            sum -= weight(stage);
+            continue;
+        }
         exact += left * weight(stage) / sum;
         stage.steps = std::llround(exact) - given;
         given += stage.steps;
@@ -79,9 +86,9 @@ namespace {
 
 std::vector<Stage> plannedStages(std::int64_t total, int levels, double space) {
     std::vector<Stage> stages = defaultStages(levels, std::numeric_limits<double>::infinity(), space);
-    planSteps(stages, total);
+    planSteps(stages, total, space);
     stages = defaultStages(levels, raysOf(stages), space);
-    planSteps(stages, total);
+    planSteps(stages, total, space);
     return stages;
 }
 
@@ -117,7 +124,8 @@ double raysOf(const std::vector<Stage>& stages) {
     return rays;
 }
 
-void planTime(std::vector<Stage>& stages, std::size_t first, std::int64_t done, double step_seconds, double seconds) {
+void planTime(std::vector<Stage>& stages, std::size_t first, std::int64_t done, double step_seconds, double seconds,
+              double space) {
     const auto cost = [](const Stage& stage) { return stage.batch * relativeRayCost(stage.level); };
     double shares = 0;
     for (std::size_t s = first; s < stages.size(); ++s) shares += stages[s].share;
@@ -126,8 +134,10 @@ void planTime(std::vector<Stage>& stages, std::size_t first, std::int64_t done, 
         const std::int64_t over = s == first ? done : 0;
         const double stage_step_seconds = step_seconds * cost(stages[s]) / cost(stages[first]);
         const double steps = left * stages[s].share / shares / stage_step_seconds;
-        const std::int64_t most = stages[s].enough > 0 ? stages[s].enough : std::numeric_limits<std::int64_t>::max();
-        stages[s].steps = std::max({std::int64_t{1}, over, std::min<std::int64_t>(most, std::llround(steps))});
+        const auto planned = static_cast<std::int64_t>(std::llround(steps));
+        const bool has_finer = stages.back().level > 0;
+        stages[s].steps = std::max({std::int64_t{1}, over,
+                                    has_finer ? std::min(planned, mostSteps(stages[s], space)) : planned});
         left = std::max(0.0, left - static_cast<double>(stages[s].steps) * stage_step_seconds);
         shares -= stages[s].share;
     }

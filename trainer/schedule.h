@@ -15,7 +15,6 @@ struct Stage {
     int batch = 0;            // rays a step
     double share = 0;         // of the training time, wished for: what steps are planned by
     std::int64_t steps = 0;   // 0 until planned
-    std::int64_t enough = 0;  // no plan has more steps than these; 0: no such limit
 };
 
 inline constexpr int kCoarsestResolution = 64;  // voxels along the longest side at level 0
@@ -24,9 +23,12 @@ inline constexpr int kMostLevels = 10;          // ... and what can be asked for
 
 /// Stages for 1 to kMostLevels levels, coarse to fine, for a training of about `rays` rays; the finest level has two
 /// (so that its second half can be planned from the cost of its first). Space of `space` times the cells of one full box
-/// takes so many times the rays to be carved, and the coarsest voxels are given no more than that, however long the training:
-/// what they are too large for is carved away too (docs/quality.md, "Enough of the coarsest voxels").
+/// takes so many times the rays to be carved.
 std::vector<Stage> defaultStages(int n_levels, double rays, double space = 1);
+
+/// What a stage among finer ones is given at most, however long the training: at the coarsest voxels the steps that carve
+/// them, since what they are too large for is carved away too (docs/quality.md, "Enough of the coarsest voxels").
+std::int64_t mostSteps(const Stage& stage, double space = 1);
 
 /// How many levels to use: no more than `max_levels`, and fewer when so few rays will be drawn (per training run)
 /// that fine voxels would hardly be looked at. Measured: 512 voxels pay from about 20 million rays on.
@@ -38,13 +40,14 @@ std::vector<Stage> stagesForSteps(std::int64_t total, int max_levels, double spa
 std::vector<Stage> stagesOfLevels(std::int64_t total, int levels, double space = 1);
 
 /// Fills in steps so that they sum to `total`, in proportion share / (cost of a step), with the relative cost per
-/// ray of a typical scene; what stages would have beyond enough goes to the others.
-void planSteps(std::vector<Stage>& stages, std::int64_t total);
+/// ray of a typical scene; what a stage would have beyond mostSteps goes to the others.
+void planSteps(std::vector<Stage>& stages, std::int64_t total, double space = 1);
 
 /// Fills in the steps of stages `first` and later so that those that are left take `seconds`, in proportion to their
 /// shares, when a step of stage `first` takes `step_seconds`; at least one step each. `done` steps of it are over
-/// already, and a part of its share.
-void planTime(std::vector<Stage>& stages, std::size_t first, std::int64_t done, double step_seconds, double seconds);
+/// already, and a part of its share. No stage gets more than mostSteps.
+void planTime(std::vector<Stage>& stages, std::size_t first, std::int64_t done, double step_seconds, double seconds,
+              double space = 1);
 
 /// Raises the share of the first stage, at the others' cost, so that a thousand steps of `step_seconds` fit into it, but to a
 /// quarter of the `seconds` of all at most. Scenes without bounds: there few rays touch most voxels, a step costs much more

@@ -300,7 +300,7 @@ void Training::replanForTime() {
         }
     }
     if (carvesShells()) leaveTimeToCarve(place_.stages, step_seconds_, left);
-    planTime(place_.stages, place_.stage, place_.step_in_stage, step_seconds_, left);
+    planTime(place_.stages, place_.stage, place_.step_in_stage, step_seconds_, left, carvedSpace());
     report_.replan(totalSteps());
     report_.info("plan: " + scheduleText(place_.stages) + " steps");
 }

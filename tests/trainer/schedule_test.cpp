@@ -46,14 +46,14 @@ TEST_CASE("planned steps sum to the total, in proportion to share over cost") {
             planSteps(stages, total);
             CHECK(totalSteps(stages) == total);
             double weights = 0, left = static_cast<double>(total);
-            const auto hasEnough = [](const Stage& stage) { return stage.enough > 0 && stage.steps >= stage.enough; };
+            const auto hasEnough = [&](const Stage& stage) { return levels > 1 && stage.steps >= mostSteps(stage); };
             for (const Stage& stage : stages) {
                 if (hasEnough(stage)) left -= static_cast<double>(stage.steps);
                 else weights += stage.share / stepCost(stage);
             }
             for (const Stage& stage : stages) {
                 CHECK(stage.steps >= 0);
-                if (stage.enough > 0) CHECK(stage.steps <= stage.enough);
+                if (levels > 1) CHECK(stage.steps <= mostSteps(stage));
                 // Rounded at both ends.
                 if (!hasEnough(stage))
                     CHECK(std::abs(stage.steps - left * stage.share / stepCost(stage) / weights) <= 1.0);
@@ -78,7 +78,7 @@ TEST_CASE("short trainings carve longer: enough rays at coarse voxels, but never
 }
 
 TEST_CASE("however long the training, the coarsest voxels get what carves them and no more; space that is larger gets more") {
-    const std::int64_t enough = defaultStages(kMaxLevels, 1e8).front().enough;
+    const std::int64_t enough = mostSteps(defaultStages(kMaxLevels, 1e8).front());
     CHECK(enough > 100);
     for (const std::int64_t total : {100000, 1000000}) {
         const std::vector<Stage> stages = stagesForSteps(total, kMaxLevels);
@@ -86,7 +86,7 @@ TEST_CASE("however long the training, the coarsest voxels get what carves them a
         CHECK(totalSteps(stages) == total);
     }
     CHECK(stagesForSteps(1000000, kMaxLevels, 3).front().steps == Approx(3 * enough).margin(2));
-    CHECK(defaultStages(1, 1e8).front().enough == 0);  // no finer ones
+    CHECK(stagesOfLevels(100000, 1)[0].steps == 50000);  // where there are no finer ones
 
     // Also by time: what it does not need goes to the others.
     std::vector<Stage> stages = defaultStages(kMaxLevels, 1e8);
